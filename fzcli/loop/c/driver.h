@@ -1,0 +1,90 @@
+/* Runs of one closed loop, LANES at a time. The printed step, initial and finish functions and the
+   sizes N_... stand above this. A run of n steps evaluates the step at samples 0..n. */
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+#define AT_LEAST_1(n) ((n) > 0 ? (n) : 1)
+
+typedef struct {
+    V parameters[AT_LEAST_1(N_PARAMETERS)], constants[AT_LEAST_1(N_CONSTANTS)];
+    V state[2][AT_LEAST_1(N_STATE)];
+    V sums[AT_LEAST_1(N_SAMPLES)], samples[AT_LEAST_1(N_SAMPLES)];
+    V stop[1], signals[AT_LEAST_1(N_SIGNALS)], metrics[AT_LEAST_1(N_METRICS)];
+    V ring[AT_LEAST_1(HISTORY_LENGTH)][AT_LEAST_1(N_SAMPLES)];
+} Workspace;
+
+static void run_group(Workspace *w, int64_t runs, const double *parameters, const int64_t *n_steps,
+                      double *metrics, int64_t *ends, int64_t *stops, double *record, int64_t stride)
+{
+    int64_t last = 0, running = runs;
+    int active[LANES];
+    memset(w, 0, sizeof *w);
+    FOR_LANES(i) {
+        int64_t run = i < runs ? i : runs - 1; /* spare lanes repeat the last run */
+        active[i] = i < runs;
+        for (int j = 0; j < N_PARAMETERS; ++j) LANE(w->parameters[j], i) = parameters[run * N_PARAMETERS + j];
+        if (n_steps[run] > last) last = n_steps[run];
+    }
+    fzcli_initial(w->parameters, w->state[0], w->constants);
+    for (int64_t k = 0, slot = 0; k <= last && running > 0; ++k) {
+        V *now = w->state[k & 1], *next = w->state[~k & 1];
+        fzcli_closed_loop_step(now, w->constants, w->sums, next, w->samples, w->stop, w->signals);
+        if (record) {
+            FOR_LANES(i) if (active[i])
+                for (int j = 0; j < N_SIGNALS; ++j)
+                    record[(i * stride + k) * N_SIGNALS + j] = LANE(w->signals[j], i);
+        }
+        int finished = 0;
+        FOR_LANES(i) finished |= active[i] && (LANE(w->stop[0], i) != 0.0 || k == n_steps[i]);
+        if (finished) {
+            fzcli_finish(next, w->constants, w->metrics);
+            FOR_LANES(i) if (active[i] && (LANE(w->stop[0], i) != 0.0 || k == n_steps[i])) {
+                for (int j = 0; j < N_METRICS; ++j) metrics[i * N_METRICS + j] = LANE(w->metrics[j], i);
+                ends[i] = k;
+                stops[i] = (int64_t)LANE(w->stop[0], i);
+                active[i] = 0;
+                --running;
+            }
+        }
+        for (int j = 0; HISTORY_LENGTH > 0 && j < N_SAMPLES; ++j) {
+            w->sums[j] = w->sums[j] + (w->samples[j] - w->ring[slot][j]);
+            w->ring[slot][j] = w->samples[j];
+        }
+        if (++slot >= HISTORY_LENGTH) slot = 0;
+    }
+}
+
+/* Row-major arrays, one row a run: parameters, metrics; record is (runs, stride, N_SIGNALS) or null.
+   Returns 0, or 1 when there is no memory for the workspace. */
+EXPORT int fzcli_rollouts(int64_t runs, const double *parameters, const int64_t *n_steps, double *metrics,
+                          int64_t *ends, int64_t *stops, double *record, int64_t stride)
+{
+    char *block = malloc(sizeof(Workspace) + 64);
+    if (!block) return 1;
+    Workspace *w = (Workspace *)(((uintptr_t)block + 63) & ~(uintptr_t)63);
+    for (int64_t first = 0; first < runs; first += LANES) {
+        int64_t group = runs - first < LANES ? runs - first : LANES;
+        run_group(w, group, parameters + first * N_PARAMETERS, n_steps + first, metrics + first * N_METRICS,
+                  ends + first, stops + first, record ? record + first * stride * N_SIGNALS : 0, stride);
+    }
+    free(block);
+    return 0;
+}
+
+/* One call of a printed function on arrays of V (64-byte aligned): for single steps and for tests. */
+EXPORT void fzcli_call_initial(const V *parameters, V *state, V *constants)
+{
+    fzcli_initial(parameters, state, constants);
+}
+EXPORT void fzcli_call_step(const V *state, const V *constants, const V *history, V *next, V *samples, V *stop,
+                            V *signals)
+{
+    fzcli_closed_loop_step(state, constants, history, next, samples, stop, signals);
+}
+EXPORT void fzcli_call_finish(const V *state, const V *constants, V *metrics)
+{
+    fzcli_finish(state, constants, metrics);
+}

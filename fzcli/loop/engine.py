@@ -1,0 +1,204 @@
+"""The two engines that run a closed loop: compiled C over SIMD lanes, and CasADi's virtual machine."""
+
+import ctypes
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.errors import EngineError
+from fzcli.loop.closed_loop import ClosedLoop
+from fzcli.loop.compiler import ISA_LANES, Compiler, build_library, find_compiler, host_isa
+from fzcli.loop.source import c_source
+
+Array = NDArray[np.float64]
+CHUNK = 128  # runs that a thread takes at a time
+VM_LANES = 64
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Results of several runs: metrics (runs, k), ends (runs) the last sample, stops (runs) codes.
+
+    ``record`` (runs, samples, signals) is present when it was asked for; rows after a run's end are NaN.
+    """
+
+    metrics: Array
+    ends: NDArray[np.int64]
+    stops: NDArray[np.int64]
+    record: Array | None
+
+
+class Engine(Protocol):
+    """Something that runs closed loops."""
+
+    loop: ClosedLoop
+    name: str
+
+    def run(
+        self,
+        parameters: Array,
+        n_steps: NDArray[np.int64],
+        *,
+        record: bool = False,
+        jobs: int = 1,
+        progress: Callable[[int], None] | None = None,
+    ) -> Batch:
+        """Run every row of ``parameters`` (runs, p) for its number of steps; ``progress`` gets run counts."""
+        ...
+
+
+def empty_batch(loop: ClosedLoop, runs: int, n_steps: NDArray[np.int64], record: bool) -> Batch:
+    """Room for the results of ``runs`` runs."""
+    samples = int(n_steps.max(initial=0)) + 1
+    shape = (runs, samples, loop.step.size1_out("signals"))
+    return Batch(
+        np.full((runs, loop.finish.size1_out("metrics")), np.nan),
+        np.zeros(runs, dtype=np.int64),
+        np.zeros(runs, dtype=np.int64),
+        np.full(shape, np.nan) if record else None,
+    )
+
+
+class CompiledEngine:
+    """A closed loop printed as C over ``lanes`` simulations at once and loaded.
+
+    Results do not depend on ``lanes``, ``isa``, compiler or ``jobs``, to the last bit.
+    """
+
+    def __init__(
+        self, loop: ClosedLoop, lanes: int | None = None, compiler: Compiler | None = None, isa: str | None = None
+    ) -> None:
+        compiler = compiler or find_compiler()
+        if compiler is None:
+            raise EngineError("no C compiler found (set FZCLI_CC to name one)")
+        isa = isa or host_isa()
+        self.loop = loop
+        self.lanes = lanes or ISA_LANES[isa]
+        self.name = "compiled"
+        self.library = build_library(c_source(loop), self.lanes, compiler, isa)
+        self.library.fzcli_rollouts.restype = ctypes.c_int
+
+    def run(
+        self,
+        parameters: Array,
+        n_steps: NDArray[np.int64],
+        *,
+        record: bool = False,
+        jobs: int = 1,
+        progress: Callable[[int], None] | None = None,
+    ) -> Batch:
+        """See `Engine.run`; runs of like length share lanes, so that few lanes idle."""
+        parameters = np.ascontiguousarray(parameters, dtype=np.float64)
+        n_steps = np.ascontiguousarray(n_steps, dtype=np.int64)
+        batch = empty_batch(self.loop, len(n_steps), n_steps, record)
+        order = np.argsort(n_steps, kind="stable")
+        pieces = [order[i : i + CHUNK] for i in range(0, len(order), CHUNK)]
+
+        def work(piece: NDArray[np.int64]) -> int:
+            self._run_piece(parameters, n_steps, batch, piece)
+            return len(piece)
+
+        if jobs == 1 or len(pieces) == 1:
+            for piece in pieces:
+                done = work(piece)
+                if progress:
+                    progress(done)
+        else:
+            with ThreadPoolExecutor(jobs) as pool:
+                for done in pool.map(work, pieces):
+                    if progress:
+                        progress(done)
+        return batch
+
+    def _run_piece(
+        self, parameters: Array, n_steps: NDArray[np.int64], batch: Batch, piece: NDArray[np.int64]
+    ) -> None:
+        part = empty_batch(self.loop, len(piece), n_steps[piece], batch.record is not None)
+        rows, steps = np.ascontiguousarray(parameters[piece]), np.ascontiguousarray(n_steps[piece])
+        stride = 0 if part.record is None else part.record.shape[1]
+        failed = self.library.fzcli_rollouts(
+            ctypes.c_int64(len(piece)),
+            _pointer(rows),
+            _pointer(steps),
+            _pointer(part.metrics),
+            _pointer(part.ends),
+            _pointer(part.stops),
+            None if part.record is None else _pointer(part.record),
+            ctypes.c_int64(stride),
+        )
+        if failed:
+            raise MemoryError("no memory for the workspace of a rollout")
+        batch.metrics[piece], batch.ends[piece], batch.stops[piece] = part.metrics, part.ends, part.stops
+        if batch.record is not None and part.record is not None:
+            batch.record[piece, :stride] = part.record
+
+
+def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+class VirtualMachine:
+    """The same loop in CasADi's virtual machine: no compiler needed, a hundred times slower."""
+
+    def __init__(self, loop: ClosedLoop) -> None:
+        self.loop = loop
+        self.name = "vm"
+
+    def run(
+        self,
+        parameters: Array,
+        n_steps: NDArray[np.int64],
+        *,
+        record: bool = False,
+        jobs: int = 1,
+        progress: Callable[[int], None] | None = None,
+    ) -> Batch:
+        """See `Engine.run`; ``jobs`` is ignored, the machine holds Python's lock."""
+        n_steps = np.asarray(n_steps, dtype=np.int64)
+        batch = empty_batch(self.loop, len(n_steps), n_steps, record)
+        order = np.argsort(n_steps, kind="stable")
+        for i in range(0, len(order), VM_LANES):
+            piece = order[i : i + VM_LANES]
+            self._run_piece(np.asarray(parameters, dtype=np.float64)[piece], n_steps[piece], batch, piece)
+            if progress:
+                progress(len(piece))
+        return batch
+
+    def _run_piece(
+        self, parameters: Array, n_steps: NDArray[np.int64], batch: Batch, piece: NDArray[np.int64]
+    ) -> None:
+        """The C driver's loop in NumPy, one column a run."""
+        loop, width = self.loop, len(piece)
+        step = loop.step.map(width)
+        state, constants = (np.array(v) for v in loop.initial.map(width)(parameters.T))
+        sums = np.zeros((loop.step.size1_in("history"), width))
+        ring = np.zeros((max(1, loop.history_length), *sums.shape))
+        active = np.ones(width, dtype=bool)
+        for k in range(int(n_steps.max(initial=0)) + 1):
+            state, samples, stop, signals = (np.array(v) for v in step(state, constants, sums))
+            if batch.record is not None:
+                batch.record[piece[active], k] = signals.T[active]
+            ending = active & ((stop[0] != 0) | (k == n_steps))
+            if ending.any():
+                metrics = np.array(loop.finish.map(width)(state, constants))
+                batch.metrics[piece[ending]] = metrics.T[ending]
+                batch.ends[piece[ending]] = k
+                batch.stops[piece[ending]] = stop[0][ending].astype(np.int64)
+                active &= ~ending
+                if not active.any():
+                    return
+            if loop.history_length:
+                slot = k % loop.history_length
+                sums = sums + (samples - ring[slot])
+                ring[slot] = samples
+
+
+def make_engine(loop: ClosedLoop, lanes: int | None = None) -> Engine:
+    """The compiled engine where there is a C compiler, else the virtual machine."""
+    if find_compiler() is None:
+        return VirtualMachine(loop)
+    return CompiledEngine(loop, lanes)

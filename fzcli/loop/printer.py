@@ -1,0 +1,167 @@
+"""Print the instruction list of an SX Function as C over SIMD lanes.
+
+One statement an instruction, on the types and functions of ``c/lanes.h``. Comparisons stay masks,
+selections become one bitwise choice, sine and cosine of one angle are computed together.
+"""
+
+import math
+
+import casadi as ca
+
+from fzcli.errors import EngineError
+
+_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
+_UNARY = {
+    ca.OP_SQRT: "root",
+    ca.OP_FABS: "magnitude",
+    ca.OP_SIGN: "signum",
+    ca.OP_FLOOR: "floored",
+    ca.OP_CEIL: "ceiled",
+    ca.OP_EXP: "exponential",
+    ca.OP_ATAN: "arc_tangent",
+    ca.OP_ASIN: "arc_sine",
+    ca.OP_ACOS: "arc_cosine",
+}
+_CALLS = {ca.OP_FMIN: "least", ca.OP_FMAX: "most", ca.OP_ATAN2: "arc_tangent2", ca.OP_COPYSIGN: "with_sign"}
+
+
+def constant(value: float) -> str:
+    """A C literal that is bit-equal to ``value``."""
+    if math.isnan(value):
+        return "(K(0.0) / K(0.0))"
+    if math.isinf(value):
+        return f"(K({'-' if value < 0 else ''}1.0) / K(0.0))"
+    return f"K({float(value).hex()})"
+
+
+def print_function(function: ca.Function, name: str) -> str:
+    """The C text of a static function ``name``(const V *in..., V *out...), one pointer an argument.
+
+    Outputs must be dense. Raises EngineError for an operation that the lanes do not know.
+    """
+    return _Printer(function, name).text()
+
+
+class _Printer:
+    """State of one print: what each work slot holds now, as a V and as a mask."""
+
+    def __init__(self, function: ca.Function, name: str) -> None:
+        self.function = function
+        self.name = name
+        self.values: dict[int, str] = {}  # work slot -> C expression of type V
+        self.masks: dict[int, str] = {}  # work slot -> C expression of type M, where it holds a truth
+        self.negated: dict[str, str] = {}  # mask -> the mask it is the opposite of
+        self.picked: dict[str, tuple[str, str]] = {}  # value -> (mask, value) of an if_else_zero
+        self.circular: dict[tuple[str, str], str] = {}  # ("sin"/"cos", argument) -> value
+        self.lines: list[str] = []
+        self.count = 0
+
+    def text(self) -> str:
+        f = self.function
+        arguments = [f"const V *restrict in{i}" for i in range(f.n_in())]
+        arguments += [f"V *restrict out{i}" for i in range(f.n_out())]
+        for k in range(f.n_instructions()):
+            self._instruction(k)
+        body = "\n".join(f"    {line}" for line in self.lines)
+        unused = " ".join(f"(void)in{i};" for i in range(f.n_in()))
+        return f"static void {self.name}({', '.join(arguments)})\n{{\n    {unused}\n{body}\n}}\n"
+
+    def _new(self, expression: str, mask: bool = False) -> str:
+        self.count += 1
+        name = f"{'m' if mask else 'v'}{self.count}"
+        self.lines.append(f"{'M' if mask else 'V'} {name} = {expression};")
+        return name
+
+    def _value(self, slot: int) -> str:
+        if slot not in self.values:
+            self.values[slot] = self._new(f"number({self.masks[slot]})")
+        return self.values[slot]
+
+    def _mask(self, slot: int) -> str:
+        if slot not in self.masks:
+            self.masks[slot] = self._new(f"truth({self.values[slot]})", mask=True)
+        return self.masks[slot]
+
+    def _set(self, slot: int, value: str) -> None:
+        self.values[slot] = value
+        self.masks.pop(slot, None)
+
+    def _set_mask(self, slot: int, mask: str) -> None:
+        self.masks[slot] = mask
+        self.values.pop(slot, None)
+
+    def _instruction(self, k: int) -> None:
+        f = self.function
+        op, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+        if op == ca.OP_OUTPUT:
+            self.lines.append(f"out{out[0]}[{out[1]}] = {self._value(into[0])};")
+        elif op == ca.OP_INPUT:
+            self._set(out[0], self._new(f"in{into[0]}[{into[1]}]"))
+        elif op == ca.OP_CONST:
+            self._set(out[0], constant(f.instruction_constant(k)))
+        elif op in _COMPARE:
+            expression = f"AS_M({self._value(into[0])} {_COMPARE[op]} {self._value(into[1])})"
+            self._set_mask(out[0], self._new(expression, mask=True))
+        elif op in (ca.OP_AND, ca.OP_OR):
+            sign = "&" if op == ca.OP_AND else "|"
+            joined = f"{self._mask(into[0])} {sign} {self._mask(into[1])}"
+            self._set_mask(out[0], self._new(joined, mask=True))
+        elif op == ca.OP_NOT:
+            mask = self._mask(into[0])
+            opposite = self._new(f"~{mask}", mask=True)
+            self.negated[opposite] = mask
+            self._set_mask(out[0], opposite)
+        elif op == ca.OP_IF_ELSE_ZERO:
+            mask, value = self._mask(into[0]), self._value(into[1])
+            picked = self._new(f"pick({mask}, {value})")
+            self.picked[picked] = (mask, value)
+            self._set(out[0], picked)
+        elif op in (ca.OP_SIN, ca.OP_COS):
+            self._set(out[0], self._circular("sin" if op == ca.OP_SIN else "cos", self._value(into[0])))
+        else:
+            self._set(out[0], self._new(self._arithmetic(op, into)))
+
+    def _arithmetic(self, op: int, into: list[int]) -> str:
+        a = self._value(into[0])
+        if op in _UNARY:
+            return f"{_UNARY[op]}({a})"
+        simple = {
+            ca.OP_ASSIGN: a,
+            ca.OP_NEG: f"-{a}",
+            ca.OP_SQ: f"{a} * {a}",
+            ca.OP_TWICE: f"{a} + {a}",
+            ca.OP_INV: f"K(1.0) / {a}",
+        }
+        if op in simple:
+            return simple[op]
+        if op == ca.OP_ADD:
+            chosen = self._choice(a, self._value(into[1]))
+            if chosen:
+                return chosen
+        if op in _BINARY:
+            return f"{a} {_BINARY[op]} {self._value(into[1])}"
+        if op in _CALLS:
+            return f"{_CALLS[op]}({a}, {self._value(into[1])})"
+        if op == ca.OP_CONSTPOW and self._value(into[1]) == constant(0.5):
+            return f"root({a})"
+        raise EngineError(f"the compiled engine does not know CasADi's operation {op}")
+
+    def _choice(self, a: str, b: str) -> str | None:
+        """CasADi writes a selection as pick(m, x) + pick(~m, y): one bitwise choice."""
+        if a not in self.picked or b not in self.picked:
+            return None
+        (mask_a, x), (mask_b, y) = self.picked[a], self.picked[b]
+        if self.negated.get(mask_b) == mask_a:
+            return f"choose({mask_a}, {x}, {y})"
+        if self.negated.get(mask_a) == mask_b:
+            return f"choose({mask_b}, {y}, {x})"
+        return None
+
+    def _circular(self, which: str, argument: str) -> str:
+        if (which, argument) not in self.circular:
+            self.count += 1
+            sine, cosine = f"s{self.count}", f"c{self.count}"
+            self.lines.append(f"V {sine}, {cosine}; sine_cosine({argument}, &{sine}, &{cosine});")
+            self.circular["sin", argument], self.circular["cos", argument] = sine, cosine
+        return self.circular[which, argument]

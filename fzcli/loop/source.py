@@ -1,0 +1,31 @@
+"""The whole C text of a closed loop: lanes header, printed functions, driver."""
+
+from importlib.resources import files
+
+import casadi as ca
+
+from fzcli.loop.closed_loop import ClosedLoop
+from fzcli.loop.printer import print_function
+
+
+def c_source(loop: ClosedLoop) -> str:
+    """One self-contained C file; LANES is given to the compiler. Names in it are our own, never the spec's."""
+    here = files("fzcli.loop") / "c"
+    sizes = {
+        "N_PARAMETERS": loop.initial.size1_in(0),
+        "N_STATE": loop.step.size1_in("state"),
+        "N_CONSTANTS": loop.step.size1_in("constants"),
+        "N_SAMPLES": loop.step.size1_out("samples"),
+        "N_SIGNALS": loop.step.size1_out("signals"),
+        "N_METRICS": loop.finish.size1_out("metrics"),
+        "HISTORY_LENGTH": loop.history_length,
+    }
+    functions: list[ca.Function] = [loop.initial, loop.step, loop.finish]
+    return "\n".join(
+        [
+            (here / "lanes.h").read_text(encoding="ascii"),
+            *(print_function(function, f"fzcli_{function.name()}") for function in functions),
+            *(f"#define {name} {value}" for name, value in sizes.items()),
+            (here / "driver.h").read_text(encoding="ascii"),
+        ]
+    )

@@ -1,0 +1,48 @@
+"""What ends a run before its time: each condition has a code, a name and advice."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from fzcli.model.attitude import rotation_matrix
+
+if TYPE_CHECKING:
+    from fzcli.loop.closed_loop import Parts
+
+LARGEST_STEP = 1.0e9  # rad or m in one step, all joints and the base together
+NEAREST_PITCH = 1e-12  # squared cosine of the pitch at which roll and yaw count as undefined
+
+
+@dataclass(frozen=True)
+class StopReason:
+    """Why a run was stopped, in words."""
+
+    name: str
+    reason: str
+    advice: str
+
+
+STOP_REASONS = {
+    1: StopReason(
+        "diverged",
+        f"a step moved joints and base by more than {LARGEST_STEP:g} rad, or is not a number",
+        "lower controller.gain or step; the data up to here is kept",
+    ),
+    2: StopReason(
+        "angle_singularity",
+        "the base's pitch came within 0.006 deg of 90 deg, where roll and yaw are undefined",
+        "use controller.constraint: [rotation_vector], which has no such attitude",
+    ),
+}
+
+
+def stop_code(parts: "Parts", plant_state: ca.SX, derivative: ca.SX) -> ca.SX:
+    """0 to go on, else a key of ``STOP_REASONS``; a NaN anywhere in the motion fails the comparison."""
+    travel = parts.plant.travel(derivative, parts.dt)
+    code = ca.if_else(travel < LARGEST_STEP**2, 0.0, 1.0)
+    if parts.law.angles and parts.model.floating:
+        R = rotation_matrix(parts.plant.observe(plant_state)[1])
+        cosine2 = R[2, 1] * R[2, 1] + R[2, 2] * R[2, 2]
+        code = code + ca.if_else(cosine2 < NEAREST_PITCH, 2.0, 0.0)
+    return code

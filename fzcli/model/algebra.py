@@ -1,0 +1,126 @@
+"""Small symbolic linear algebra, branch free: symmetric solves, pseudo-inverse, singular values."""
+
+from typing import cast
+
+import casadi as ca
+
+
+def cross(a: ca.SX, b: ca.SX) -> ca.SX:
+    """a x b, (3)."""
+    return ca.vertcat(
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def dot(a: ca.SX, b: ca.SX) -> ca.SX:
+    """The sum of a_i b_i."""
+    total = a[0] * b[0]
+    for i in range(1, a.shape[0]):
+        total = total + a[i] * b[i]
+    return total
+
+
+def rotate(R: ca.SX, v: ca.SX) -> ca.SX:
+    """R v with structural zeros and ones folded away, (3)."""
+    return ca.vertcat(*(R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2] for i in range(3)))
+
+
+def gram(J: ca.SX) -> ca.SX:
+    """J J^T, (m, m), each entry of the symmetric pair computed once."""
+    m = J.shape[0]
+    A = ca.SX(m, m)
+    for i in range(m):
+        for j in range(i, m):
+            A[i, j] = A[j, i] = dot(J[i, :].T, J[j, :].T)
+    return A
+
+
+def symmetric_inverse(A: ca.SX) -> ca.SX:
+    """Inverse of a symmetric positive definite matrix, (m, m) for m = 1..6.
+
+    By the adjugate for m <= 3 (one division); by L D L^T, unrolled, above.
+    """
+    m = A.shape[0]
+    if m == 1:
+        return 1 / A
+    if m == 2:
+        scale = 1 / (A[0, 0] * A[1, 1] - A[0, 1] * A[0, 1])
+        off = -A[0, 1] * scale
+        return ca.vertcat(ca.horzcat(A[1, 1] * scale, off), ca.horzcat(off, A[0, 0] * scale))
+    if m == 3:
+        a, b, c, d, e, f = A[0, 0], A[0, 1], A[0, 2], A[1, 1], A[1, 2], A[2, 2]
+        xx, xy, xz = d * f - e * e, c * e - b * f, b * e - c * d
+        scale = 1 / (a * xx + b * xy + c * xz)
+        xx, xy, xz = xx * scale, xy * scale, xz * scale
+        yy, yz, zz = (a * f - c * c) * scale, (b * c - a * e) * scale, (a * d - b * b) * scale
+        return ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    return _inverse_by_ldl(A)
+
+
+def _inverse_by_ldl(A: ca.SX) -> ca.SX:
+    m = A.shape[0]
+    unit_lower = ca.SX.eye(m)
+    pivot: list[ca.SX] = []
+    for j in range(m):
+        weighted = [unit_lower[j, k] * pivot[k] for k in range(j)]
+        pivot.append(A[j, j] - sum(unit_lower[j, k] * weighted[k] for k in range(j)))
+        reciprocal = 1 / pivot[j]
+        for i in range(j + 1, m):
+            unit_lower[i, j] = (A[i, j] - sum(unit_lower[i, k] * weighted[k] for k in range(j))) * reciprocal
+    inverse_lower = ca.SX.eye(m)
+    for j in range(m):
+        for i in range(j + 1, m):
+            inverse_lower[i, j] = -sum(unit_lower[i, k] * inverse_lower[k, j] for k in range(j, i))
+    result = ca.SX(m, m)
+    for i in range(m):
+        for j in range(i, m):
+            result[i, j] = result[j, i] = sum(
+                inverse_lower[k, i] * inverse_lower[k, j] / pivot[k] for k in range(j, m)
+            )
+    return result
+
+
+def damped_pseudo_inverse(J: ca.SX, damping: float) -> ca.SX:
+    """J^T (J J^T + damping E)^-1, (n, m), for J (m, n), m = 1..6; ``damping`` is lambda squared."""
+    return ca.mtimes(J.T, symmetric_inverse(gram(J) + damping * ca.SX.eye(J.shape[0])))
+
+
+def null_space_projector(J: ca.SX, damping: float) -> ca.SX:
+    """E - J+ J, (n, n), with the damped J+."""
+    return ca.SX.eye(J.shape[1]) - ca.mtimes(damped_pseudo_inverse(J, damping), J)
+
+
+def smallest_singular_value(J: ca.SX, iterations: int = 12) -> ca.SX:
+    """The smallest of the min(m, n) singular values of J (m, n); for J of full rank to about 1e-8.
+
+    Laguerre's method from 0 on the characteristic polynomial of the smaller Gram matrix: all roots
+    are real and not negative, so that the iterates rise monotonically to the smallest.
+    """
+    A = gram(J) if J.shape[0] <= J.shape[1] else gram(J.T)
+    degree = A.shape[0]
+    coefficients = _characteristic_polynomial(A)
+    root = ca.SX(0)
+    for _ in range(iterations):
+        value, first, second = ca.SX(1), ca.SX(0), ca.SX(0)
+        for coefficient in coefficients:
+            second = second * root + first
+            first = first * root + value
+            value = value * root + coefficient
+        spread = (degree - 1) * ((degree - 1) * first * first - degree * value * 2 * second)
+        size = ca.fabs(first) + ca.sqrt(ca.fmax(spread, 0))
+        root = root + ca.if_else(size > 0, degree * ca.fabs(value) / ca.fmax(size, 1e-300), 0)
+    return ca.sqrt(ca.fmax(root, 0))
+
+
+def _characteristic_polynomial(A: ca.SX) -> list[ca.SX]:
+    """Coefficients c_1..c_m of x^m + c_1 x^(m-1) + ... by Faddeev and LeVerrier."""
+    m = A.shape[0]
+    coefficients: list[ca.SX] = []
+    product = ca.SX.eye(m)
+    for k in range(1, m + 1):
+        image = ca.mtimes(A, product)
+        coefficients.append(cast(ca.SX, -ca.trace(image) / k))
+        product = image + coefficients[-1] * ca.SX.eye(m)
+    return coefficients

@@ -1,0 +1,31 @@
+"""Keep the tip where it starts."""
+
+import math
+from typing import Literal
+
+import casadi as ca
+
+from fzcli.plan.reference import TipMotion, TipReference, start_symbols, tip_reference
+from fzcli.spec.base import SpecModel
+
+
+class HoldSpec(SpecModel):
+    """The tip's pose at the start, for as long as the run lasts (the run gives its duration)."""
+
+    kind: Literal["hold"] = "hold"
+
+
+def build(spec: HoldSpec) -> TipReference:
+    """A reference without parameters and without an end."""
+    position, quat, com = start_symbols()
+    symbols = ca.SX.sym("constants", 7)
+    zero = ca.SX.zeros(3)
+    return tip_reference(
+        parameters={},
+        start=(position, quat, com),
+        constants=ca.vertcat(position, quat),
+        symbols=symbols,
+        time=ca.SX.sym("time"),
+        motion=TipMotion(symbols[:3], zero, symbols[3:], zero),
+        duration=ca.SX(math.inf),
+    )

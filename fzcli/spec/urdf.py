@@ -1,0 +1,210 @@
+"""URDF, through yourdfpy, as a dialect of the one robot spec; meshes are never loaded.
+
+Format: wiki.ros.org/urdf/XML. The root link is the base, each leaf link a tip of its name.
+"""
+
+import io
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from fzcli.errors import Problem, SpecError
+from fzcli.spec.document import Steps
+from fzcli.spec.nearest import hint
+from fzcli.spec.physics import Inertia6, Vector3, check_body, rpy_of, snapped, turned_inertia, vector
+from fzcli.spec.reader import read_bytes
+from fzcli.spec.robot import Base, Frame, Joint, Link, Robot, Tip
+from fzcli.spec.robot_file import UrdfBaseFile, UrdfRobotFile
+from fzcli.spec.tree import arranged
+
+_TYPES = ("revolute", "continuous", "prismatic", "fixed")
+_NO_INERTIA: Inertia6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class _Body:
+    mass: float = 0.0
+    com: Vector3 = (0.0, 0.0, 0.0)
+    inertia: Inertia6 = _NO_INERTIA
+
+
+def read_urdf(path: Path, additions: UrdfRobotFile | None = None) -> Robot:
+    """A URDF as a robot; ``additions`` (a YAML file that names the URDF) replace base, tips and name.
+
+    A link called "base" that is not the root becomes "base_frame": "base" names the base body.
+
+    Raises:
+        SpecError: not a URDF, a joint of another type than revolute, continuous, prismatic and fixed, a
+            mimic joint, a body that cannot exist, a floating base without inertia, not a tree.
+    """
+    urdf = _parsed(path)
+    root = _root(urdf, path)
+    problems: list[Problem] = []
+    bodies: dict[str, _Body] = {}
+    for link in urdf.links:
+        try:
+            bodies[link.name] = _body(link)
+        except ValueError as error:
+            problems.append(Problem(f"link '{link.name}': {error}", file=str(path)))
+            bodies[link.name] = _Body()
+    links = []
+    for joint in urdf.joints:
+        try:
+            links.append(_link(joint, root, bodies[joint.child]))
+        except ValueError as error:
+            problems.append(Problem(f"joint '{joint.name}': {error}", file=str(path)))
+    overrides = additions.base if additions else UrdfBaseFile()
+    try:
+        base = _base(root, bodies[root], overrides)
+    except ValueError as error:
+        problems.append(Problem(str(error), file=str(path)))
+    if problems:
+        raise SpecError(problems)
+    tips = _tips(links, root, additions)
+
+    def report(message: str, steps: Steps) -> Problem:
+        return Problem(message, ".".join(map(str, steps)) if steps[0] == "tips" else "", str(path))
+
+    return Robot(
+        name=(additions and additions.name) or urdf.name or path.stem,
+        about=additions.about if additions else "",
+        base=base,
+        links=arranged(links, tips, report),
+        tips=tips,
+    )
+
+
+def _parsed(path: Path) -> Any:
+    """yourdfpy's robot: its links and joints as written."""
+    data = read_bytes(path)
+    if b"<!ENTITY" in data or b"<!DOCTYPE" in data:
+        raise SpecError(Problem("a URDF needs no DOCTYPE or ENTITY; remove it", file=str(path)))
+    try:
+        if ElementTree.fromstring(data).tag != "robot":
+            raise SpecError(Problem("not a URDF: the outermost element must be <robot>", file=str(path)))
+    except ElementTree.ParseError as error:
+        line, column = error.position
+        text = f"not XML: {str(error).partition(':')[0]}"
+        raise SpecError(Problem(text, "", str(path), line, column + 1)) from None
+    from yourdfpy import URDF
+
+    try:
+        loaded = URDF.load(io.BytesIO(data), build_scene_graph=False, load_meshes=False)
+    except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
+        raise SpecError(Problem(f"not a URDF: {error}", file=str(path))) from None
+    return loaded.robot
+
+
+def _root(urdf: Any, path: Path) -> str:
+    """The one link that no joint carries."""
+    problems = []
+    names: list[str] = [link.name for link in urdf.links]
+    carried: dict[str, str] = {}
+    for joint in urdf.joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in names:
+                text = f"joint '{joint.name}': unknown {role} link '{link}'"
+                problems.append(Problem(text + hint(link, names, "known links"), file=str(path)))
+        if joint.child in carried:
+            both = f"'{carried[joint.child]}' and '{joint.name}'"
+            text = f"link '{joint.child}' is carried by two joints, {both}; a tree has no closed chains"
+            problems.append(Problem(text, file=str(path)))
+        carried[joint.child] = joint.name
+    doubled = sorted({name for name in names if names.count(name) > 1})
+    problems += [Problem(f"link '{name}' stands twice", file=str(path)) for name in doubled]
+    roots = [name for name in names if name not in carried]
+    if not problems and len(roots) != 1:
+        listed = ", ".join(roots) or "none, the links form a loop"
+        problems.append(Problem(f"needs exactly one root link, has {listed}", file=str(path)))
+    if problems:
+        raise SpecError(problems)
+    return roots[0]
+
+
+def _body(link: Any) -> _Body:
+    inertial = link.inertial
+    if inertial is None:
+        return _Body()
+    if inertial.mass is None or inertial.inertia is None:
+        raise ValueError("<inertial> needs <mass> and <inertia>")
+    origin = np.eye(4) if inertial.origin is None else inertial.origin
+    inertia = turned_inertia(snapped(origin[:3, :3]), inertial.inertia)
+    numbers = [float(inertial.mass), *inertia, *origin[:3, 3]]
+    if not np.isfinite(numbers).all():
+        raise ValueError("<inertial> holds numbers that are not finite")
+    check_body(float(inertial.mass), inertia)
+    return _Body(float(inertial.mass), vector(origin[:3, 3]), inertia)
+
+
+def _link(joint: Any, root: str, body: _Body) -> Link:
+    if joint.mimic is not None:
+        raise ValueError("mimic joints are not supported")
+    if joint.type not in _TYPES:
+        raise ValueError(f"type '{joint.type}' is not supported; known: {', '.join(_TYPES)}")
+    origin = np.eye(4) if joint.origin is None else joint.origin
+    at = Frame(xyz=vector(origin[:3, 3]), rpy=rpy_of(snapped(origin[:3, :3])))
+    position, speed = _limits(joint)
+    return Link(
+        name=_own(joint.child),
+        parent="base" if joint.parent == root else _own(joint.parent),
+        at=at,
+        joint=Joint(name=joint.name, type=joint.type, axis=_axis(joint), position=position, speed=speed),
+        mass=body.mass,
+        com=body.com,
+        inertia=body.inertia,
+    )
+
+
+def _own(name: str) -> str:
+    return "base_frame" if name == "base" else name
+
+
+def _axis(joint: Any) -> Vector3:
+    length = float(np.linalg.norm(joint.axis))
+    if joint.type == "fixed":
+        return (0.0, 0.0, 1.0)
+    if not 1e-9 < length < np.inf:
+        raise ValueError("axis must have a direction, got a zero vector")
+    return vector(joint.axis / length)
+
+
+def _limits(joint: Any) -> tuple[tuple[float, float] | None, float | None]:
+    """Position and speed limits; a speed limit of 0 is the customary way to state none."""
+    limit = joint.limit
+    if limit is None or joint.type == "fixed":
+        return None, None
+    speed = limit.velocity if limit.velocity else None
+    if speed is not None and speed < 0:
+        raise ValueError(f"velocity limit must be > 0, got {speed:g}")
+    if joint.type == "continuous" or (limit.lower is None and limit.upper is None):
+        return None, speed
+    lower, upper = float(limit.lower or 0.0), float(limit.upper or 0.0)
+    if not lower < upper:
+        raise ValueError(f"lower limit must be below the upper one, got {lower:g} and {upper:g}")
+    return (lower, upper), speed
+
+
+def _base(root: str, body: _Body, overrides: UrdfBaseFile) -> Base:
+    if overrides.mass is not None:
+        body = _Body(overrides.mass, overrides.com, overrides.inertia or _NO_INERTIA)
+    if overrides.floating and body.mass == 0:
+        raise ValueError(
+            f"base link '{root}' floats but has no inertia; give it one, or name this URDF in a YAML robot "
+            "with base: {mass: ..., inertia: ...} or base: {floating: false}"
+        )
+    return Base(name=root, floating=overrides.floating, mass=body.mass, com=body.com, inertia=body.inertia)
+
+
+def _tips(links: list[Link], root: str, additions: UrdfRobotFile | None) -> dict[str, Tip]:
+    if additions and additions.tips is not None:
+        return {key: Tip(link=tip.link, xyz=tip.xyz, rpy=tip.rpy) for key, tip in additions.tips.items()}
+    return {link.name: Tip(link=link.name) for link in _leaves(links)}
+
+
+def _leaves(links: list[Link]) -> Iterator[Link]:
+    parents = {link.parent for link in links}
+    return (link for link in links if link.name not in parents)
