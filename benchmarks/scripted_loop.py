@@ -9,6 +9,7 @@ Run it: python benchmarks/scripted_loop.py [--steps N] [--samples N]
 
 import argparse
 import time
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -224,6 +225,7 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=SAMPLES)
     options = parser.parse_args()
     job = ((0.928, -1.393, 0.303, 0.549), (1.0, 0.2, -0.5), 0.5, 12.0, 10.0)
+    print(f"pin {version('pin')}, numpy {version('numpy')}, pyfuzzylite {version('pyfuzzylite')}")
     for fuzzy in (False, True):
         best = min(
             run(*job, fuzzy=fuzzy, steps=options.steps, samples=options.samples)["seconds_per_step"]

@@ -33,8 +33,7 @@ def centroid_sums(sets: Sequence[Trapezoid], firings: Sequence[ca.SX], origin: f
         firings: the level in 0..1 at which each set is clipped.
         origin: where x counts from; near the sets it saves digits.
 
-    Source: integration over levels; the area and moment of one clipped trapezoid are those of
-    Bulgarelli et al. 2011's Mamdani tuner with centroid defuzzification.
+    Their quotient is the centre of gravity (CoG) of IEC 61131-7; the derivation stands above.
     """
     shifted = [(a - origin, b - origin, c - origin, d - origin) for a, b, c, d in sets]
     moment, area = ca.SX(0.0), ca.SX(0.0)
@@ -50,7 +49,7 @@ def centroid_sums(sets: Sequence[Trapezoid], firings: Sequence[ca.SX], origin: f
 
 
 def _clipped(trapezoid: Trapezoid, level: ca.SX) -> Sums:
-    """First moment and area of a trapezoid below a level (it may be one that never closes at the top)."""
+    """First moment and area of the part of (a, b, c, d) below a level; b may exceed c above that level."""
     a, b, c, d = trapezoid
     u, v = b - a, d - c
     linear, square, cubic = (d * d - a * a) / 2, (d * v + a * u) / 2, (v * v - u * u) / 6

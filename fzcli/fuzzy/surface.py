@@ -23,7 +23,7 @@ def build_surface(rulebase: Rulebase) -> ca.Function:
     order (scalars), then ``firing_strength`` (n_rules), each rule's degree times its weight.
     Finite inputs give finite outputs: where no rule fires, an output takes its default.
 
-    Mamdani inference: clipping by min, aggregation by max, centroid.
+    Mamdani inference: clipping by min, aggregation by max, centroid (``check.method`` says which).
 
     Raises:
         SpecError: everything that is wrong with the rule base.

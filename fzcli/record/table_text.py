@@ -4,7 +4,9 @@ import csv
 import io
 import json
 import math
+import textwrap
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Literal
 
 from fzcli.errors import UsageError
@@ -154,8 +156,13 @@ def _rich(table: Table, width: int, color: bool) -> str:
     stream = io.StringIO()
     system: Literal["standard"] | None = "standard" if color else None
     console = Console(file=stream, width=width, force_terminal=color, color_system=system, highlight=False)
+    label = max(8, *(len(line[0]) for cell in table.cells.values() for line in _lines(table, cell)))
+    side, column = 32 + label, 15  # what labels and counts take at most, and a metric
+    share = max(1, (width - side) // column)
     for title, cells in _blocks(table):
-        console.print(_rich_block(table, title, cells))
+        for start in range(0, len(table.metrics), share):
+            part = replace(table, metrics=table.metrics[start : start + share])
+            console.print(_rich_block(part, title, cells))
     for line in _footer(table):
         console.print(Text(line, style="dim"))
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
@@ -167,12 +174,11 @@ def _rich_block(table: Table, title: str, cells: list[tuple[Value, Cell]]) -> An
     from rich.text import Text
 
     grid = RichTable(title=title or None, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
-    grid.add_column(Text(table.row_key), min_width=min(18, max(11, len(table.row_key))))
+    grid.add_column(Text(table.row_key.replace(".", ".\n")), no_wrap=True)
     grid.add_column("", no_wrap=True)
     for metric in table.metrics:
-        grid.add_column(
-            Text(f"{metric.name.replace('_', ' ')}\n{_unit(metric.unit)}".rstrip()), justify="right"
-        )
+        words = textwrap.wrap(metric.name.replace("_", " "), 13)
+        grid.add_column(Text("\n".join([*words, _unit(metric.unit)]).rstrip()), justify="right", no_wrap=True)
     grid.add_column("lost", justify="right", no_wrap=True)
     for row, cell in cells:
         lines = _lines(table, cell)

@@ -55,7 +55,7 @@ def _link(link: LinkFile, before: str) -> Link:
         parent=link.parent or before,
         at=frame_of(link.at),
         joint=_joint(link.joint, f"{link.name}_joint"),
-        mass=link.mass or 0.0,
+        mass=link.mass,
         com=link.com,
         inertia=link.inertia or NO_INERTIA,
     )
@@ -132,7 +132,7 @@ def _row_link(row: RowFile, parent: str, at: Frame, after: Array) -> Link:
         parent=parent,
         at=at,
         joint=Joint(name=row.name, type=row.type, position=row.position, speed=row.speed),
-        mass=row.mass or 0.0,
+        mass=row.mass,
         com=vector(turn @ row.com + after[:3, 3]),
         inertia=turned_inertia(turn, tensor(row.inertia or NO_INERTIA)),
     )

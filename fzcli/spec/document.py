@@ -148,7 +148,7 @@ def _label(node: Node, step: Step) -> str:
     if not isinstance(node.content, list) or not isinstance(step, int):
         return str(step)
     name = item_name(node.child(step))
-    alike = [child for child in node.content if item_name(child) == name]
+    alike = [child for child in node.content if item_name(child) == name] if name else []
     return name if name and len(alike) == 1 else str(step)
 
 

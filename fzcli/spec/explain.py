@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from fzcli.spec.document import Steps
 from fzcli.spec.nearest import hint, shown
 
+MISSING = "is missing"
 _WANTED = {
     "string": "text",
     "float": "a number",
@@ -93,7 +94,7 @@ def _missing(fault: Fault, model: Any) -> tuple[str, Steps, bool]:
     if isinstance(fault.loc[-1], int):
         has = len(fault.input) if isinstance(fault.input, list | tuple) else fault.loc[-1]
         return f"needs {fault.context['needed']} items, has {has}", (), False
-    return "is missing", (), False
+    return MISSING, (), False
 
 
 def _unknown_kind(fault: Fault, model: Any) -> tuple[str, Steps, bool]:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from fzcli.errors import Problem, SpecError, UsageError
 from fzcli.spec.nearest import hint
+from fzcli.spec.schema import json_schema
 
 Folder = Literal["robots", "rulebases", "runs"]
 FOLDERS: tuple[Folder, ...] = ("robots", "rulebases", "runs")
@@ -29,15 +30,15 @@ def shipped_root() -> Path:
 def find(folder: Folder, name: str, beside: Path | None = None) -> Path:
     """The file that a name means.
 
-    A name with a folder or an ending is a path, from the folder of ``beside`` (the file that names it),
-    else from the working directory. A bare name is looked for beside ``beside``, in the folder
-    ``robots`` (``rulebases``, ``runs``) there, next to that place and in the working directory, and
-    last among the shipped files.
+    ``beside`` is the file that holds the name, or its folder; without one, the working directory.
+    A name with a folder or an ending is a path, from there, else from the working directory. A bare
+    name is looked for there, in the folder ``robots`` (``rulebases``, ``runs``) in it, next to it and
+    in the working directory, and last among the shipped files.
 
     Raises:
         SpecError: there is none; the nearest names are given.
     """
-    near = beside.parent if beside is not None else Path()
+    near = Path() if beside is None else beside if beside.is_dir() else beside.parent
     path = Path(name).expanduser()
     if path.suffix or len(path.parts) > 1:
         places = [near / path, path]
@@ -69,10 +70,10 @@ def _files(folder: Folder, place: Path) -> Iterator[Path]:
 
 
 def init(directory: Path | str, schemas: Mapping[str, Mapping[str, Any]] | None = None) -> list[Path]:
-    """Copy the shipped robots, rulebases and runs into a directory, with ``schemas`` for editors.
+    """Copy the shipped robots, rulebases and runs into a directory, with JSON Schemas for editors.
 
-    ``schemas`` maps a kind to its JSON Schema, written as ``schemas/KIND.json``, where the first line
-    of each shipped file looks for it. Returns the files written.
+    The schemas of robots and rule bases, and of what else ``schemas`` maps to one, are written as
+    ``schemas/KIND.json``, where the first line of each shipped file names them. Returns the files written.
 
     Raises:
         UsageError: one of the files exists already (nothing is written then), or cannot be written.
@@ -83,7 +84,8 @@ def init(directory: Path | str, schemas: Mapping[str, Mapping[str, Any]] | None 
         for item in sorted((shipped_root() / folder).glob("*")):
             if item.is_file() and item.suffix in _COPIED:
                 contents[target / folder / item.name] = item.read_bytes()
-    for kind, schema in (schemas or {}).items():
+    own = {"robot": json_schema("robot"), "rulebase": json_schema("rulebase")}
+    for kind, schema in {**own, **(schemas or {})}.items():
         contents[target / "schemas" / f"{kind}.json"] = schema_text(schema).encode()
     present = [str(path) for path in contents if path.exists()]
     if present:

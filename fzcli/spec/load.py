@@ -1,9 +1,6 @@
 """Names and files -> robots and rule bases, whichever dialect they are written in."""
 
 from pathlib import Path
-from typing import Annotated, Any
-
-from pydantic import BeforeValidator, ValidationInfo, WithJsonSchema
 
 from fzcli.errors import Problem, SpecError
 from fzcli.spec.dialects import from_dh, from_frames
@@ -138,22 +135,3 @@ def _outside(file: RulebaseFile, document: Document) -> list[Problem]:
 
 def _reach(term: Term) -> tuple[float, ...]:
     return term.numbers[:1] if term.shape == "gaussian" else term.numbers
-
-
-def _robot_reference(value: Any, info: ValidationInfo) -> Any:
-    return load_robot(value, _beside(info)) if isinstance(value, str) else value
-
-
-def _rulebase_reference(value: Any, info: ValidationInfo) -> Any:
-    return load_rulebase(value, _beside(info)) if isinstance(value, str) else value
-
-
-def _beside(info: ValidationInfo) -> Path | None:
-    return (info.context or {}).get("beside")
-
-
-_NAME_SCHEMA: dict[str, Any] = {"type": "string", "description": "a name or a path"}
-
-# Fields that name another file: resolved beside ``context["beside"]``, its problems reported as they are.
-RobotReference = Annotated[Robot, BeforeValidator(_robot_reference), WithJsonSchema(_NAME_SCHEMA)]
-RulebaseReference = Annotated[Rulebase, BeforeValidator(_rulebase_reference), WithJsonSchema(_NAME_SCHEMA)]

@@ -1,17 +1,20 @@
 """Document -> model: pydantic's checks, reported all at once with places and in this tool's words."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
+from pydantic_core import ErrorDetails
 
 from fzcli.errors import Problem, SpecError
 from fzcli.spec.document import Document, Steps
-from fzcli.spec.explain import Fault, explain
+from fzcli.spec.explain import MISSING, Fault, explain
 from fzcli.spec.nearest import shown
 from fzcli.spec.sets import apply_sets
 
 T = TypeVar("T")
+MAX_PROBLEMS = 100  # told at once
 
 
 def parse(
@@ -51,7 +54,9 @@ def _false_numbers(given: Any, taken: Any, path: Steps) -> Iterator[tuple[str, S
 
 def _problems(error: ValidationError, document: Document, model: Any) -> list[Problem]:
     found: dict[tuple[Steps, bool], list[Problem]] = {}
-    all_details = error.errors(include_url=False)
+    all_details = [details for details in error.errors(include_url=False) if not _is_echo(details)]
+    more = len(all_details) - MAX_PROBLEMS
+    all_details = all_details[:MAX_PROBLEMS]
     lengths: dict[tuple[int | str, ...], int] = {}  # what a tuple that is too short needs
     for details in all_details:
         if details["type"] == "missing" and isinstance(last := details["loc"][-1], int):
@@ -61,7 +66,7 @@ def _problems(error: ValidationError, document: Document, model: Any) -> list[Pr
         cause = context.get("error")
         path = _path(document, details["loc"], details["type"])
         if isinstance(cause, SpecError):
-            found.setdefault((path, True), []).extend(_inner(cause, document, path))
+            found.setdefault((path, False), []).extend(_inner(cause, document, path))
             continue
         fault = Fault(details["type"], details["loc"], details["msg"], details["input"], context)
         text, below, at_key = explain(fault, model)
@@ -69,7 +74,24 @@ def _problems(error: ValidationError, document: Document, model: Any) -> list[Pr
         alike = found.setdefault((path + below, at_key), [])
         if problem not in alike:
             alike.append(problem)
-    return sorted((problem for alike in found.values() for problem in _one_of(alike)), key=_order)
+    meant = {
+        (*path[:-1], match[1])
+        for (path, at_key), alike in found.items()
+        if at_key and (match := re.search(r"did you mean '(.*)'", alike[0].message))
+    }
+    ordered = sorted(found.items(), key=lambda item: _order(document, *item[0]))
+    problems = [
+        problem
+        for (path, _), alike in ordered
+        if not (path in meant and alike[0].message == MISSING)  # the mistyped key says it
+        for problem in _one_of(alike)
+    ]
+    return problems + ([Problem(f"and {more} more problems", file=document.file)] if more > 0 else [])
+
+
+def _is_echo(details: ErrorDetails) -> bool:
+    """pydantic calls a list too short when its items are wrong; only their own errors count."""
+    return details["type"] == "too_short" and len(details["input"]) >= details["ctx"]["min_length"]
 
 
 def _inner(cause: SpecError, document: Document, path: Steps) -> list[Problem]:
@@ -106,5 +128,6 @@ def _one_of(alike: list[Problem]) -> list[Problem]:
     return [Problem(text, first.field, first.file, first.line, first.column, first.snippet)]
 
 
-def _order(problem: Problem) -> tuple[bool, int, int]:
-    return problem.line is None, problem.line or 0, problem.column or 0
+def _order(document: Document, path: Steps, at_key: bool) -> tuple[bool, int, int]:
+    place = document.problem("", path, at_key=at_key)
+    return place.line is None, place.line or 0, place.column or 0

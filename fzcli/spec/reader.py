@@ -1,7 +1,6 @@
 """The one door for YAML: files, standard input and texts become documents; values become text."""
 
 import io
-import stat
 import sys
 from pathlib import Path
 from typing import Any
@@ -45,16 +44,18 @@ def read_bytes(path: Path | str) -> bytes:
     Raises:
         SpecError: it is missing, a directory, not readable or too large.
     """
+    name = str(path)
     try:
-        if stat.S_ISDIR(Path(path).stat().st_mode):
-            raise SpecError(Problem("is a directory; name a file in it", file=str(path)))
         with Path(path).open("rb") as file:
-            return _capped(file.read(MAX_BYTES + 1), str(path))
+            data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise SpecError(Problem("no such file", file=str(path))) from None
+        raise SpecError(Problem("no such file", file=name)) from None
+    except IsADirectoryError:
+        raise SpecError(Problem("is a directory; name a file in it", file=name)) from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise SpecError(Problem(f"cannot be read: {reason}", file=str(path))) from None
+        raise SpecError(Problem(f"cannot be read: {reason}", file=name)) from None
+    return _capped(data, name)
 
 
 def _capped(data: bytes, name: str) -> bytes:
@@ -87,9 +88,17 @@ def _float(dumper: yaml.SafeDumper, number: float) -> yaml.ScalarNode:
     return dumper.represent_scalar("tag:yaml.org,2002:float", words.get(text, text))
 
 
+def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    """Text; unusual line breaks escaped, for written raw they come back as other ones."""
+    style = '"' if any(mark in text for mark in "\r\x85\u2028\u2029") else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
 _Dumper.yaml_implicit_resolvers = {}  # YAML 1.1's; below, what this reader takes for other than text
 for _tag, _pattern, _first in PATTERNS:
     _Dumper.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", _pattern, _first)
+_Dumper.add_representer(str, _text)
+_Dumper.add_multi_representer(float, _float)  # and NumPy's
 _Dumper.add_representer(float, _float)
 _Dumper.add_representer(tuple, lambda dumper, items: dumper.represent_list(items))
 

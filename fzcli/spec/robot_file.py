@@ -75,40 +75,41 @@ class FrameFile(SpecModel):
     rpy: Angles = (0.0, 0.0, 0.0)
 
 
-class MaybeBodyFile(SpecModel):
-    """Mass, centre of mass in the body's frame, inertia about it. Mass 0: a frame without a body."""
+def _positive(mass: float | None) -> float | None:
+    if mass is not None and mass < 0:
+        raise ValueError(f"must be > 0, got {mass:g} kg")
+    return mass
 
-    mass: Mass | None = Field(default=None, validate_default=True)
+
+def _body_exists(inertia: Inertia6 | None, info: ValidationInfo) -> Inertia6 | None:
+    """Mass, read before it, and inertia together make a body that can exist."""
+    mass = info.data.get("mass")
+    if "mass" in info.data and inertia is not None:
+        check_body(mass or 0.0, inertia)
+    elif mass:
+        raise ValueError("inertia is missing: xx yy zz [xy xz yz] about the CoM, kg m2")
+    return inertia
+
+
+BodyInertia = Annotated[
+    InertiaNumbers | None, AfterValidator(_body_exists), Field(default=None, validate_default=True)
+]
+
+
+class BodyFile(SpecModel):
+    """Mass (0: a frame without a body), centre of mass in the body's frame, inertia about it."""
+
+    mass: Annotated[Mass, AfterValidator(_positive)]
     com: Point = (0.0, 0.0, 0.0)
-    inertia: InertiaNumbers | None = Field(default=None, validate_default=True)
-
-    @field_validator("mass")
-    @classmethod
-    def _mass_is_positive(cls, mass: float | None) -> float | None:
-        if mass is not None and mass < 0:
-            raise ValueError(f"must be > 0, got {mass:g} kg")
-        return mass
-
-    @field_validator("inertia")
-    @classmethod
-    def _body_exists(cls, inertia: Inertia6 | None, info: ValidationInfo) -> Inertia6 | None:
-        mass = info.data.get("mass")
-        if "mass" in info.data and inertia is not None:
-            check_body(mass or 0.0, inertia)
-        elif mass:
-            raise ValueError("inertia is missing: xx yy zz [xy xz yz] about the CoM, kg m2")
-        return inertia
+    inertia: BodyInertia = None
 
 
-class BodyFile(MaybeBodyFile):
-    """A body whose mass must be said, if only as 0."""
+class MaybeBodyFile(SpecModel):
+    """The same, where the mass need not be said."""
 
-    @field_validator("mass")
-    @classmethod
-    def _mass_is_said(cls, mass: float | None) -> float | None:
-        if mass is None:
-            raise ValueError("mass is missing (0 for a frame without a body)")
-        return mass
+    mass: Annotated[Mass | None, AfterValidator(_positive)] = None
+    com: Point = (0.0, 0.0, 0.0)
+    inertia: BodyInertia = None
 
 
 class BaseFile(MaybeBodyFile):

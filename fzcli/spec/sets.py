@@ -44,7 +44,7 @@ def _applied(root: Node, text: str) -> Node:
         node = _placeless(compose(Source(name, value)), source)
     except SpecError as error:
         raise SpecError([Problem(problem.message, key, name) for problem in error.problems]) from None
-    return _put(root, key.split("."), node, source, key)
+    return put(root, key.split("."), node, source, key)
 
 
 def _placeless(node: Node, source: Source) -> Node:
@@ -57,7 +57,12 @@ def _placeless(node: Node, source: Source) -> Node:
     return Node(source, content=content)
 
 
-def _put(node: Node, steps: list[str], value: Node, source: Source, key: str) -> Node:
+def put(node: Node, steps: list[str], value: Node, source: Source, key: str) -> Node:
+    """The node with ``value`` at the steps below it, mappings made on the way; ``key`` names it in errors.
+
+    Raises:
+        SpecError: a path through a single value, or an item that a list does not have.
+    """
     if not steps:
         return value
     content = node.content
@@ -66,13 +71,13 @@ def _put(node: Node, steps: list[str], value: Node, source: Source, key: str) ->
         content = {}
     if isinstance(content, list):
         index = _index(node, content, steps[0], source, key)
-        below = _put(content[index], steps[1:], value, source, key)
+        below = put(content[index], steps[1:], value, source, key)
         return replace(node, content=[*content[:index], below, *content[index + 1 :]])
     if isinstance(content, dict):
         count = _key_length(content, steps)
         name = ".".join(steps[:count])
         child = content.get(name, Node(source))
-        return replace(node, content={**content, name: _put(child, steps[count:], value, source, key)})
+        return replace(node, content={**content, name: put(child, steps[count:], value, source, key)})
     text = f"'{'.'.join(key.split('.')[: -len(steps)])}' is the single value {shown(content)}"
     raise SpecError(Problem(f"{text}; nothing lies inside it", key, source.name))
 

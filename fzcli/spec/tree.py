@@ -43,7 +43,7 @@ def _doubled(links: Sequence[Link], report: Report) -> list[Problem]:
 def _parents(links: Sequence[Link], report: Report) -> list[Problem]:
     parents = {link.name: link.parent for link in links}
     indices = {link.name: index for index, link in enumerate(links)}
-    known = ["base", *parents]
+    known = {"base": None, **parents}
     problems = []
     for index, link in enumerate(links):
         if link.parent not in known:
@@ -51,13 +51,13 @@ def _parents(links: Sequence[Link], report: Report) -> list[Problem]:
             problems.append(report(text, ("links", index, "parent")))
     settled: set[str] = set()
     for link in links:
-        way: list[str] = []
+        way: dict[str, None] = {}  # the links towards the base, in order
         name = link.name
         while name in parents and name not in settled and name not in way:
-            way.append(name)
+            way[name] = None
             name = parents[name]
         if name in way:
-            loop = way[way.index(name) :]
+            loop = list(way)[list(way).index(name) :]
             text = f"links form a loop: {' -> '.join([*loop, name])} (each is carried by the next)"
             problems.append(report(text, ("links", indices[name], "parent")))
         settled.update(way)
@@ -65,7 +65,7 @@ def _parents(links: Sequence[Link], report: Report) -> list[Problem]:
 
 
 def _tips(links: Sequence[Link], tips: Mapping[str, Tip], report: Report) -> list[Problem]:
-    names = [link.name for link in links]
+    names = {link.name: None for link in links}
     return [
         report(f"unknown link '{tip.link}'{hint(tip.link, names, 'known links')}", ("tips", name, "link"))
         for name, tip in tips.items()

@@ -4,6 +4,7 @@ Format: wiki.ros.org/urdf/XML. The root link is the base, each leaf link a tip o
 """
 
 import io
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,7 +103,7 @@ def _parsed(path: Path) -> Any:
 def _root(urdf: Any, path: Path) -> str:
     """The one link that no joint carries."""
     problems = []
-    names: list[str] = [link.name for link in urdf.links]
+    names: Counter[str] = Counter(link.name for link in urdf.links)
     carried: dict[str, str] = {}
     for joint in urdf.joints:
         for role, link in (("parent", joint.parent), ("child", joint.child)):
@@ -114,7 +115,7 @@ def _root(urdf: Any, path: Path) -> str:
             text = f"link '{joint.child}' is carried by two joints, {both}; a tree has no closed chains"
             problems.append(Problem(text, file=str(path)))
         carried[joint.child] = joint.name
-    doubled = sorted({name for name in names if names.count(name) > 1})
+    doubled = [name for name, count in names.items() if count > 1]
     problems += [Problem(f"link '{name}' stands twice", file=str(path)) for name in doubled]
     roots = [name for name in names if name not in carried]
     if not problems and len(roots) != 1:

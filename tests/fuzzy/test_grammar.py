@@ -8,6 +8,7 @@ from fzcli.errors import SpecError
 from fzcli.fuzzy.check import check_rulebase
 from fzcli.fuzzy.grammar import And, Is, Not, Or, Rule, parse_rules
 from fzcli.fuzzy.surface import build_surface
+from fzcli.spec.load import load_rulebase
 from fzcli.spec.rulebase import Input, Output, Rulebase, RuleText
 
 HEAD = "if error is Z then increment is PS"
@@ -137,6 +138,21 @@ def test_errors_at_the_end_point_past_it(rule, expected):
     first, _, caret = message(rule).split("\n")
     assert expected in first
     assert caret == "    " + " " * len(rule.rstrip()) + "^"
+
+
+def test_place_in_a_file(tmp_path):
+    path = tmp_path / "rb.yaml"
+    path.write_text(
+        "kind: rulebase\n"
+        "inputs: {x: {range: [0, 1], terms: {ON: [ramp, 0, 1]}}}\n"
+        "outputs: {y: {range: [0, 1], terms: {BIG: [ramp, 0, 1]}}}\n"
+        "rules:\n"
+        "  - if x is ON then y is BIG\n"
+        "  - 'if x is OF then y is BIG'\n"
+    )
+    with pytest.raises(SpecError) as caught:
+        parse_rules(load_rulebase(path))
+    assert str(caught.value).startswith(f"{path}:6:14: rules.1: 'x' has no term 'OF'; terms: ON\n")
 
 
 def test_all_errors_of_all_rules_at_once():

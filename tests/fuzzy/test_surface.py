@@ -1,12 +1,16 @@
 """The surface as a whole: the paper's rule base worked by hand, defaults, hold, and its cost."""
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
 from fuzzy_cases import bulgarelli2011, small, term, texts
 
 from fzcli.fuzzy.audit import audit
+from fzcli.fuzzy.check import method
 from fzcli.fuzzy.surface import build_surface
+from fzcli.spec.load import load_rulebase
 from fzcli.spec.rulebase import Centroid, Input, Output
 
 
@@ -46,6 +50,15 @@ def test_bulgarelli2011_by_hand(error, oscillating, increment, strengths):
 
 def test_cost_of_the_paper_surface():
     assert build_surface(bulgarelli2011()).n_instructions() <= 155
+
+
+def test_shipped_rulebase_is_the_one_tested_here():
+    shipped = load_rulebase(Path(__file__).parents[2] / "rulebases" / "bulgarelli2011.yaml")
+    expected = bulgarelli2011()
+    assert shipped.inputs == expected.inputs
+    assert shipped.outputs == expected.outputs
+    assert [rule.text for rule in shipped.rules] == [rule.text for rule in expected.rules]
+    assert method(shipped.outputs["increment"], shipped.outputs["increment"].terms) == "exact"
 
 
 GAP = {"A": term("triangle", 1, 2, 3)}

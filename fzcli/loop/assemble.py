@@ -1,0 +1,80 @@
+"""From a run spec to a closed loop, its engine, and the row of numbers it takes."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.control.registry import controllers
+from fzcli.errors import Problem, SpecError
+from fzcli.loop.closed_loop import ClosedLoop, Parts, build_closed_loop
+from fzcli.loop.plant import kinematic_plant
+from fzcli.loop.run_spec import SimulateRun
+from fzcli.model import build_model
+from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
+from fzcli.spec.quantity import Parameter
+
+Array = NDArray[np.float64]
+
+
+def closed_loop(spec: SimulateRun, record: bool) -> ClosedLoop:
+    """Build the closed loop of a run; with ``record`` its step gives every signal."""
+    model = build_model(spec.robot)
+    parts = Parts(
+        model=model,
+        law=controllers()[spec.controller.kind].build(model, spec.controller),
+        plant=kinematic_plant(model),
+        reference=TIP_REFERENCES[spec.reference.kind].build(spec.reference),
+        base_reference=BASE_REFERENCES[spec.base_reference.kind].build(spec.base_reference),
+        tip=getattr(spec.controller, "tip", None),
+        dt=spec.step,
+        method=spec.method,
+        drifting=spec.start.drifting,
+    )
+    return build_closed_loop(parts, record)
+
+
+def parameter_row(spec: SimulateRun, parameters: tuple[Parameter, ...]) -> Array:
+    """The spec's values of a loop's run-time parameters, one after the other."""
+    return np.concatenate([parameter_values(spec, parameter) for parameter in parameters])
+
+
+def parameter_values(spec: SimulateRun, parameter: Parameter) -> Array:
+    """One parameter's numbers (size); a single number stands for all components."""
+    value: Any = spec.start.attitude if parameter.path == "start.base_quat" else spec.value_at(parameter.path)
+    flat = np.asarray(value, dtype=float).ravel()
+    return np.full(parameter.size, flat[0]) if flat.size == 1 else flat
+
+
+def step_counts(loop: ClosedLoop, spec: SimulateRun, parameters: Array) -> NDArray[np.int64]:
+    """Steps of every run (rows of ``parameters``): ``duration``, else that of the reference, over the step.
+
+    Raises SpecError when neither ends.
+    """
+    if spec.duration is not None:
+        seconds = np.full(len(parameters), spec.duration)
+    else:
+        seconds = np.array(loop.duration.map(len(parameters))(parameters.T)).ravel()
+    if not np.isfinite(seconds).all():
+        kind = spec.reference.kind
+        raise SpecError(Problem(f"is missing: the reference {kind!r} has no end of its own", field="duration"))
+    steps = np.ceil(seconds / spec.step - 1e-9)
+    if steps.max(initial=0) > MOST_STEPS:
+        raise SpecError(
+            Problem(f"{steps.max():.3g} steps in one run; at most {MOST_STEPS:.0e} are run", field="duration")
+        )
+    return steps.astype(np.int64)
+
+
+MOST_STEPS = 10**8
+
+
+def lane_count(runs: int) -> int | None:
+    """Lanes for so many runs: one for a single run, the machine's register width for more."""
+    return 1 if runs == 1 else None
+
+
+def finite_or_nan(value: float) -> float:
+    """Totals that never saw a sample become NaN."""
+    return value if math.isfinite(value) and abs(value) < 1e299 else math.nan

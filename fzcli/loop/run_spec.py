@@ -1,0 +1,141 @@
+"""What a run file says: pydantic models of ``kind: simulate``, with the kinds that the registries know."""
+
+from functools import cache
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import Field, create_model, model_validator
+
+from fzcli.control.registry import controllers
+from fzcli.plan.base_reference import BaseHoldSpec
+from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
+from fzcli.spec.base import SpecModel
+from fzcli.spec.references import RobotReference
+from fzcli.spec.robot import Robot
+from fzcli.spec.units import Angle, AngularMomentum, Duration, JointValue, Length, Momentum
+
+Vector3 = tuple[float, float, float]
+
+
+class MomentumSpec(SpecModel):
+    """Momentum of the whole system, world axes; conserved."""
+
+    linear: tuple[Momentum, Momentum, Momentum] = (0.0, 0.0, 0.0)
+    angular: Annotated[
+        tuple[AngularMomentum, AngularMomentum, AngularMomentum], Field(description="about the CoM")
+    ] = (0.0, 0.0, 0.0)
+
+
+class StartSpec(SpecModel):
+    """Where a run starts."""
+
+    q: Annotated[tuple[JointValue, ...], Field(min_length=1, description="joint positions, in the joints' order")]
+    base_position: Annotated[
+        tuple[Length, Length, Length], Field(description="origin of the base link's frame, world")
+    ] = (0.0, 0.0, 0.0)
+    base_quat: Annotated[
+        tuple[float, float, float, float], Field(description="base attitude w, x, y, z, body to world")
+    ] = (1.0, 0.0, 0.0, 0.0)
+    base_rpy: Annotated[
+        tuple[Angle, Angle, Angle] | None, Field(description="base attitude as roll, pitch, yaw instead")
+    ] = None
+    momentum: MomentumSpec = MomentumSpec()
+
+    @model_validator(mode="after")
+    def _one_attitude(self) -> "StartSpec":
+        size = sum(part * part for part in self.base_quat) ** 0.5
+        if abs(size - 1) > 1e-3:
+            raise ValueError(f"base_quat must have length 1, it has {size:.6g}")
+        if self.base_rpy is not None and "base_quat" in self.model_fields_set:
+            raise ValueError("give base_quat or base_rpy, not both")
+        return self
+
+    @property
+    def attitude(self) -> tuple[float, float, float, float]:
+        """The base attitude as a quaternion, however it was given."""
+        if self.base_rpy is None:
+            return self.base_quat
+        from scipy.spatial.transform import Rotation
+
+        x, y, z, w = Rotation.from_euler("xyz", self.base_rpy).as_quat()
+        return (float(w), float(x), float(y), float(z))
+
+    @property
+    def drifting(self) -> bool:
+        """Whether the system starts with momentum."""
+        return any((*self.momentum.linear, *self.momentum.angular))
+
+
+class BoundsSpec(SpecModel):
+    """Bounds of the certificate: a run that exceeds one is flagged. null: no bound."""
+
+    tip_error: Annotated[float | None, Field(gt=0, description="largest tip error, m or rad: beyond, the tip is lost")] = (
+        1e-2
+    )
+    linear_momentum: Annotated[float | None, Field(gt=0, description="N s")] = 1e-9
+    angular_momentum: Annotated[float | None, Field(gt=0, description="N m s; the integrator's own error counts")] = None
+    quaternion_norm_error: Annotated[float | None, Field(gt=0)] = 1e-9
+    joint_excess: Annotated[float | None, Field(ge=0, description="beyond a joint's position or speed limit")] = 1e-9
+    singular_value: Annotated[float | None, Field(gt=0, description="smallest singular value of the task")] = None
+
+
+class RecordSpec(SpecModel):
+    """What a result file holds."""
+
+    precision: Annotated[Literal["f4", "f8"], Field(description="of trajectories; metrics are f8 always")] = "f4"
+    rank_by: Annotated[str, Field(description="metric by which a sweep's best, median and worst runs are kept")] = (
+        "tip_error_mean"
+    )
+
+
+class SimulateRun(SpecModel):
+    """One closed-loop run. The fields ``controller``, ``reference`` and ``base_reference`` have kinds."""
+
+    kind: Literal["simulate"] = "simulate"
+    about: str = ""
+    robot: RobotReference
+    start: StartSpec
+    reference: Any
+    base_reference: Any = BaseHoldSpec()
+    controller: Any
+    step: Annotated[Duration, Field(gt=0, description="control and integration step")] = 0.01
+    method: Annotated[
+        Literal["euler", "midpoint"], Field(description="explicit Euler as in the paper, or explicit midpoint")
+    ] = "euler"
+    duration: Annotated[Duration | None, Field(gt=0, description="of the run; that of the reference by default")] = None
+    bounds: BoundsSpec = BoundsSpec()
+    record: RecordSpec = RecordSpec()
+    compare: Annotated[
+        dict[str, dict[str, Any]],
+        Field(description="variants run and drawn beside this run: name -> {field: value}"),
+    ] = {}
+
+    @model_validator(mode="after")
+    def _fits_the_robot(self) -> "SimulateRun":
+        check_joints(self.robot, self.start)
+        tip = getattr(self.controller, "tip", None)
+        if tip is not None and tip not in self.robot.tips:
+            raise ValueError(f"controller.tip: the robot has no tip {tip!r}; it has {', '.join(self.robot.tips)}")
+        return self
+
+
+def check_joints(robot: Robot, start: StartSpec) -> None:
+    """Raise ValueError unless start.q has one value for every active joint."""
+    names = [link.joint.name for link in robot.links if link.joint.type != "fixed"]
+    if len(start.q) != len(names):
+        raise ValueError(f"start.q has {len(start.q)} values for {len(names)} active joints ({', '.join(names)})")
+
+
+@cache
+def simulate_model() -> type[SimulateRun]:
+    """SimulateRun with its open fields bound to the kinds that exist, for validation and JSON Schema."""
+    return create_model(
+        "SimulateRun",
+        __base__=SimulateRun,
+        reference=(_union(kind.spec for kind in TIP_REFERENCES.values()), ...),
+        base_reference=(_union(kind.spec for kind in BASE_REFERENCES.values()), BaseHoldSpec()),
+        controller=(_union(entry.spec for entry in controllers().values()), ...),
+    )
+
+
+def _union(specs: Any) -> Any:
+    return Annotated[Union[tuple(specs)], Field(discriminator="kind")]

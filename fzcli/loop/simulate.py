@@ -1,0 +1,137 @@
+"""Run specs to rollouts: one run, or several of one closed loop, with every signal kept."""
+
+import platform
+import sys
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.loop.assemble import closed_loop, finite_or_nan, parameter_row, step_counts
+from fzcli.loop.closed_loop import ClosedLoop
+from fzcli.loop.engine import Batch, Engine, make_engine
+from fzcli.loop.rollout import Provenance, Rollout
+from fzcli.loop.run_spec import BoundsSpec, SimulateRun, simulate_model
+from fzcli.loop.verdict import BOUNDED, status_of
+from fzcli.spec.document import Document
+from fzcli.spec.hashing import spec_hash
+from fzcli.spec.load import check_kind
+from fzcli.spec.overlay import overlaid, without
+from fzcli.spec.parse import parse
+from fzcli.spec.quantity import Signal
+from fzcli.spec.reader import dump
+from fzcli.spec.references import BESIDE
+from fzcli.spec.sets import apply_sets
+
+Array = NDArray[np.float64]
+STATE_SIGNALS = ("q", "qd", "base_position", "base_quat", "base_twist", "tip_position", "tip_quat")
+
+
+def run_of(document: Document, sets: Sequence[str] = ()) -> SimulateRun:
+    """Validate a document as a simulation. Raises SpecError with every problem found."""
+    document = apply_sets(document, sets) if sets else document
+    check_kind(document, "simulate")
+    return parse(document, simulate_model(), context={BESIDE: document.path})
+
+
+def variants_of(document: Document, spec: SimulateRun, sets: Sequence[str] = ()) -> dict[str, SimulateRun]:
+    """The runs that ``compare`` names, each the file's run with some fields changed."""
+    document = apply_sets(document, sets) if sets else document
+    return {name: run_of(variant(document, changes)) for name, changes in spec.compare.items()}
+
+
+def variant(document: Document, changes: dict[str, Any]) -> Document:
+    """The document with fields changed; where the controller's kind changes, fields it lacks are dropped."""
+    changed = overlaid(without(document, ["compare"]), changes)
+    return fitted(changed)
+
+
+def fitted(document: Document) -> Document:
+    """Without the controller's fields that its kind lacks but another kind knows."""
+    from fzcli.control.registry import controllers
+
+    controller = document.value.get("controller") if isinstance(document.value, dict) else None
+    if not isinstance(controller, dict) or controller.get("kind") not in controllers():
+        return document
+    own = controllers()[controller["kind"]].spec.model_fields
+    elsewhere = {name for entry in controllers().values() for name in entry.spec.model_fields}
+    return without(document, [key for key in controller if key in elsewhere and key not in own], "controller")
+
+
+def simulate(spec: SimulateRun, argv: Sequence[str] = ()) -> Rollout:
+    """Run one simulation with every signal kept."""
+    loop = closed_loop(spec, record=True)
+    row = parameter_row(spec, loop.parameters)[None, :]
+    engine = make_engine(loop, lanes=1)
+    batch = engine.run(row, step_counts(loop, spec, row), record=True)
+    return rollouts(engine, batch, [spec.bounds], [provenance(spec, engine, argv)])[0]
+
+
+def rollouts(
+    engine: Engine, batch: Batch, bounds: Sequence[BoundsSpec], origins: Sequence[Provenance]
+) -> list[Rollout]:
+    """The recorded runs of a batch, each cut at its end."""
+    return [_rollout(engine.loop, batch, i, bounds[i], origin) for i, origin in enumerate(origins)]
+
+
+def _rollout(loop: ClosedLoop, batch: Batch, i: int, bounds: BoundsSpec, origin: Provenance) -> Rollout:
+    if batch.record is None:
+        raise ValueError("the batch was run without a record")
+    end = int(batch.ends[i])
+    rows = batch.record[i, : end + 1]
+    arrays: dict[str, Array] = {}
+    column = 0
+    for signal in loop.signals:
+        block = rows[:, column : column + signal.size]
+        arrays[signal.name] = np.ascontiguousarray(block if signal.components else block[:, 0])
+        column += signal.size
+    metrics = {metric.name: finite_or_nan(float(v)) for metric, v in zip(loop.metrics, batch.metrics[i], strict=True)}
+    metrics["n_steps"] = float(end)
+    time = loop.dt * np.arange(end + 1)
+    info = {metric.name: Signal(metric.name, metric.unit, metric.long_name) for metric in loop.metrics}
+    info["n_steps"] = Signal("n_steps", "1", "steps taken")
+    names = [name for name in metrics if name in loop.certificate_names or name in BOUNDED]
+    return Rollout(
+        time=time,
+        **{name: arrays[name] for name in STATE_SIGNALS},
+        signals={name: values for name, values in arrays.items() if name not in STATE_SIGNALS},
+        signal_info={signal.name: signal for signal in loop.signals},
+        joint_names=next(signal.components for signal in loop.signals if signal.name == "q"),
+        metrics=metrics,
+        metric_info=info,
+        certificate={name: metrics[name] for name in names},
+        status=status_of(metrics, int(batch.stops[i]), bounds, float(time[-1])),
+        provenance=origin,
+    )
+
+
+def provenance(spec: Any, engine: Engine, argv: Sequence[str] = (), seed: int | None = None) -> Provenance:
+    """Resolved spec, hash, engine and versions of a result."""
+    resolved = spec.model_dump(mode="json")
+    return Provenance(
+        spec_text=dump(resolved),
+        spec_hash=spec_hash(resolved),
+        engine=engine.name,
+        seed=seed,
+        versions=versions(),
+        argv=tuple(argv),
+    )
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that the numbers depend on."""
+    found = {"python": platform.python_version(), "platform": sys.platform}
+    for name in ("fzcli", "casadi", "numpy"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "source tree"
+    return found
+
+
+def beside(document: Document) -> Path | None:
+    """The folder of a document's file."""
+    return document.path.parent if document.path else None

@@ -1,0 +1,137 @@
+"""Closed loops of a sweep: configurations that differ in run-time parameters alone share one build."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
+from fzcli.loop.closed_loop import ClosedLoop
+from fzcli.loop.engine import Engine, make_engine
+from fzcli.loop.run_spec import SimulateRun
+from fzcli.spec.hashing import spec_hash
+from fzcli.sweep.resolve import Drawn, with_values
+
+Array = NDArray[np.float64]
+NOT_BUILT_IN = {"kind", "about", "duration", "bounds", "record", "compare"}
+
+
+@dataclass
+class Build:
+    """One closed loop with its engines, made when first asked for."""
+
+    loop: ClosedLoop
+    spec: SimulateRun
+    engines: dict[bool, Engine] = field(default_factory=dict)
+
+    def engine(self, record: bool) -> Engine:
+        """The engine that reduces metrics only, or the one that records every signal."""
+        if record not in self.engines:
+            loop = closed_loop(self.spec, record=True) if record else self.loop
+            self.engines[record] = make_engine(loop)
+        return self.engines[record]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Runs of one build: where they stand in the sweep, their parameters and steps."""
+
+    build: Build
+    runs: NDArray[np.int64]
+    parameters: Array
+    steps: NDArray[np.int64]
+
+
+class Builds:
+    """All closed loops of a sweep so far, by what is built into them."""
+
+    def __init__(self) -> None:
+        self._found: list[tuple[tuple[str, ...], str, Build]] = []
+
+    def of(self, spec: SimulateRun) -> Build:
+        """The build that serves a run spec; a new one when none does."""
+        dump = spec.model_dump(mode="json", exclude=NOT_BUILT_IN)
+        for paths, key, build in self._found:
+            if _key(dump, paths, spec.start.drifting) == key:
+                return build
+        loop = closed_loop(spec, record=False)
+        paths = tuple(parameter.path for parameter in loop.parameters)
+        build = Build(loop, spec)
+        self._found.append((paths, _key(dump, paths, spec.start.drifting), build))
+        return build
+
+    def compile(self, record: bool, jobs: int) -> None:
+        """Make the engines of all builds, several compilers at a time."""
+        with ThreadPoolExecutor(max(1, jobs)) as pool:
+            list(pool.map(lambda found: found[2].engine(record), self._found))
+
+
+def _key(dump: Mapping[str, Any], paths: Sequence[str], drifting: bool) -> str:
+    return spec_hash([_blanked(dump, [path.split(".") for path in paths]), drifting])
+
+
+def _blanked(value: Any, paths: list[list[str]]) -> Any:
+    """A copy with the values at the paths gone: they do not belong to what is built in."""
+    if not isinstance(value, dict):
+        return value
+    gone = {path[0] for path in paths if len(path) == 1} | ({"base_rpy"} if ["base_quat"] in paths else set())
+    below = {
+        name: _blanked(child, [path[1:] for path in paths if len(path) > 1 and path[0] == name])
+        for name, child in value.items()
+        if name not in gone
+    }
+    return below
+
+
+def rows_of(
+    builds: Builds, spec: SimulateRun, draws: Sequence[Drawn], drawn: Array, runs: NDArray[np.int64]
+) -> list[Rows]:
+    """The runs of a configuration, one for every row of ``drawn``, grouped by build.
+
+    Drawn fields that are run-time parameters only fill columns. Any other field means a build of its
+    own for each of its values.
+    """
+    build = builds.of(spec)
+    places = _columns(build.loop)
+    if all(one.path in places for one in draws):
+        table = np.tile(parameter_row(spec, build.loop.parameters), (len(drawn), 1))
+        column = 0
+        for one in draws:
+            table[:, places[one.path]] = drawn[:, column : column + one.size]
+            column += one.size
+        return [Rows(build, runs, table, step_counts(build.loop, spec, table))]
+    found: dict[int, tuple[Build, list[int], list[Array], list[int]]] = {}
+    for i, values in enumerate(drawn):
+        single = with_values(spec, split(draws, values))
+        own = builds.of(single)
+        row = parameter_row(single, own.loop.parameters)
+        _, members, table_rows, steps = found.setdefault(id(own), (own, [], [], []))
+        members.append(int(runs[i]))
+        table_rows.append(row)
+        steps.append(int(step_counts(own.loop, single, row[None, :])[0]))
+    return [
+        Rows(own, np.array(members), np.array(table_rows), np.array(steps))
+        for own, members, table_rows, steps in found.values()
+    ]
+
+
+def split(draws: Sequence[Drawn], values: Array) -> dict[str, Array]:
+    """A drawn vector by path."""
+    parts: dict[str, Array] = {}
+    column = 0
+    for one in draws:
+        parts[one.path] = values[column : column + one.size]
+        column += one.size
+    return parts
+
+
+def _columns(loop: ClosedLoop) -> dict[str, slice]:
+    places: dict[str, slice] = {}
+    column = 0
+    for parameter in loop.parameters:
+        places[parameter.path] = slice(column, column + parameter.size)
+        column += parameter.size
+    return places

@@ -1,0 +1,38 @@
+"""Random trajectories: one generator a trajectory, so that any run can be found by its index alone."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.sweep.resolve import Drawn
+
+Array = NDArray[np.float64]
+
+
+def generator(seed: int, index: int) -> np.random.Generator:
+    """The random numbers of trajectory ``index``: SeedSequence((seed, index))."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+
+
+def candidate(draws: Sequence[Drawn], random: np.random.Generator) -> Array:
+    """One drawn vector: the fields in the order of their paths, one after the other."""
+    return np.concatenate([_draw(one, random) for one in draws]) if draws else np.zeros(0)
+
+
+def _draw(one: Drawn, random: np.random.Generator) -> Array:
+    if one.distribution == "choice" and one.choices is not None:
+        return np.asarray(one.choices[random.integers(len(one.choices))])
+    if one.distribution == "sphere":
+        while True:
+            direction = random.standard_normal(one.size)
+            length = math.sqrt(sum(float(part) ** 2 for part in direction))  # no BLAS: the same bits anywhere
+            if length > 1e-8:
+                return np.asarray(direction / length)
+    if one.distribution == "normal":
+        return np.asarray(one.low + one.high * random.standard_normal(one.size))
+    share = random.random(one.size)
+    if one.distribution == "log_uniform":
+        return np.asarray(one.low * (one.high / one.low) ** share)
+    return np.asarray(one.low + (one.high - one.low) * share)

@@ -1,0 +1,221 @@
+"""From a sweep file to its configurations: every one a complete, validated run spec."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.control.registry import controllers
+from fzcli.errors import Problem, SpecError
+from fzcli.loop.run_spec import SimulateRun
+from fzcli.loop.simulate import fitted, run_of
+from fzcli.spec.document import Document, Node
+from fzcli.spec.load import check_kind
+from fzcli.spec.nearest import hint
+from fzcli.spec.overlay import overlaid, without
+from fzcli.spec.parse import parse
+from fzcli.spec.sets import apply_sets
+from fzcli.sweep.sweep_spec import OWN_KEYS, Draw, SweepFile
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A field to draw with its distribution's numbers in SI: ``low`` and ``high`` (k), or mean and deviation.
+
+    ``choices`` (m, k) for a choice.
+    """
+
+    path: str
+    distribution: str
+    low: Array
+    high: Array
+    choices: Array | None = None
+
+    @property
+    def size(self) -> int:
+        """Components of the field."""
+        return int(self.low.size if self.choices is None else self.choices.shape[1])
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep, resolved. ``changes`` of each configuration as written; ``specs`` their full run specs.
+
+    ``filter`` is the run that candidates are tried with. ``document`` has the options applied.
+    """
+
+    file: SweepFile
+    document: Document
+    changes: list[dict[str, Any]]
+    specs: list[SimulateRun]
+    draws: tuple[Drawn, ...]
+    filter: SimulateRun | None
+
+
+def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
+    """Validate a sweep file and all its configurations. Raises SpecError with every problem found."""
+    document = apply_sets(document, sets) if sets else document
+    check_kind(document, "sweep")
+    own = _own_section(document)
+    base = overlaid(without(document, OWN_KEYS), {"kind": "simulate"})
+    configurations = _configurations(document, own)
+    kinds = _kinds(base, [*configurations, own.keep_if_changes])
+    _check_controller_keys(base, kinds)
+    low = _sample(document, own, 0)
+    specs: list[SimulateRun] = []
+    problems: list[Problem] = []
+    for configuration in configurations:
+        try:
+            specs.append(run_of(fitted(overlaid(base, {**low, **configuration}))))
+        except SpecError as error:
+            problems += [problem for problem in error.problems if problem not in problems]
+    if problems:
+        raise SpecError(problems)
+    changes = [{path: _plain(value) for path, value in entry.items()} for entry in configurations]
+    draws = _draws(document, own, base, configurations[0], specs[0])
+    keep = None
+    if own.keep_if_changes is not None:
+        keep = run_of(fitted(overlaid(base, {**low, **own.keep_if_changes})))
+    return Sweep(own.file, document, changes, specs, draws, keep)
+
+
+@dataclass(frozen=True)
+class _OwnSection:
+    file: SweepFile
+    keep_if_changes: dict[str, Node] | None
+
+
+def _own_section(document: Document) -> _OwnSection:
+    """The sweep's own fields; the run's fields are checked configuration by configuration."""
+    value = document.value
+    run_keys = set(SimulateRun.model_fields) - {"kind", "about", "compare"}
+    known = run_keys | set(OWN_KEYS) | {"kind", "about"}
+    problems = [
+        document.problem(f"unknown key{hint(key, known)}", (key,), at_key=True) for key in value if key not in known
+    ]
+    try:
+        file = parse(without(document, run_keys | (set(value) - known)), SweepFile)
+    except SpecError as error:
+        raise SpecError([*problems, *error.problems]) from None
+    if problems:
+        raise SpecError(problems)
+    keep_if = file.trajectories.keep_if
+    changes = None
+    if keep_if is not None:
+        changes = _entries(document.node(("trajectories", "keep_if", "with"))) if keep_if.with_ else {}
+    return _OwnSection(file, changes)
+
+
+def _entries(node: Node) -> dict[str, Node]:
+    return dict(node.content) if isinstance(node.content, dict) else {}
+
+
+def _configurations(document: Document, own: _OwnSection) -> list[dict[str, Node]]:
+    """All combinations of the grid, each with every entry of the list."""
+    axes = []
+    for path in own.file.grid:
+        content = document.node(("grid", path)).content
+        axes.append([(path, node) for node in content] if isinstance(content, list) else [])
+    listed = [_entries(document.node(("list", i))) for i in range(len(own.file.list_))] or [{}]
+    return [{**dict(combination), **entry} for entry in listed for combination in itertools.product(*axes)]
+
+
+def _kinds(base: Document, configurations: Sequence[Mapping[str, Node] | None]) -> set[str]:
+    """Controller kinds that occur anywhere in the sweep."""
+    written = base.value.get("controller")
+    kinds = {written.get("kind")} if isinstance(written, dict) else set()
+    for changes in configurations:
+        if changes and "controller.kind" in changes:
+            kinds.add(changes["controller.kind"].value)
+    return {kind for kind in kinds if kind in controllers()}
+
+
+def _check_controller_keys(base: Document, kinds: set[str]) -> None:
+    """A controller's key must be known to one of the kinds in the sweep, else it is misspelt."""
+    written = base.value.get("controller")
+    known = {name for kind in kinds for name in controllers()[kind].spec.model_fields}
+    if not isinstance(written, dict) or not known:
+        return
+    problems = [
+        base.problem(f"unknown key{hint(key, known)}", ("controller", key), at_key=True)
+        for key in written
+        if key not in known
+    ]
+    if problems:
+        raise SpecError(problems)
+
+
+def _sample(document: Document, own: _OwnSection, which: int) -> dict[str, Node]:
+    """A value for every drawn field, out of its distribution's own numbers: entry ``which``."""
+    found: dict[str, Node] = {}
+    for path, draw in own.file.trajectories.draw.items():
+        node = document.node(("trajectories", "draw", path, draw.distribution))
+        if draw.distribution == "sphere":
+            axis = [Node(node.source, node.line, node.column, float(i == 0)) for i in range(draw.numbers)]
+            found[path] = Node(node.source, node.line, node.column, axis)
+        elif isinstance(node.content, list):
+            found[path] = node.content[min(which, len(node.content) - 1)]
+    return found
+
+
+def _draws(
+    document: Document, own: _OwnSection, base: Document, first: dict[str, Node], low_spec: SimulateRun
+) -> tuple[Drawn, ...]:
+    """Numbers of the distributions in SI, taken from specs in which they stand as the field's value."""
+    draws = own.file.trajectories.draw
+    most = max((len(d.numbers) for d in draws.values() if isinstance(d.numbers, list)), default=1)
+    specs = [low_spec]
+    for which in range(1, most):
+        specs.append(run_of(fitted(overlaid(base, {**_sample(document, own, which), **first}))))
+    return tuple(_drawn(document, path, draws[path], specs) for path in sorted(draws))
+
+
+def _drawn(document: Document, path: str, draw: Draw, specs: list[SimulateRun]) -> Drawn:
+    count = len(draw.numbers) if isinstance(draw.numbers, list) else 1
+    try:
+        values = [np.atleast_1d(np.asarray(spec.value_at(path), dtype=float)).ravel() for spec in specs[:count]]
+    except (KeyError, TypeError, ValueError):
+        text = "is not a field of numbers; only those can be drawn"
+        raise SpecError(document.problem(text, ("trajectories", "draw", path), at_key=True)) from None
+    if draw.distribution == "choice":
+        return Drawn(path, "choice", values[0], values[0], np.array(values))
+    if draw.distribution == "sphere":
+        return Drawn(path, "sphere", values[0], values[0])
+    low, high = values
+    at = ("trajectories", "draw", path, draw.distribution)
+    if draw.distribution != "normal" and not (low <= high).all():
+        raise SpecError(document.problem(f"the lower end {_shown(low)} lies above the upper {_shown(high)}", at))
+    if draw.distribution == "log_uniform" and not (low > 0).all():
+        raise SpecError(document.problem("log_uniform needs ends above 0", at))
+    return Drawn(path, draw.distribution, low, high)
+
+
+def _shown(values: Array) -> str:
+    return ", ".join(f"{value:g}" for value in values)
+
+
+def _plain(value: Node) -> Any:
+    return value.value
+
+
+def with_values(spec: SimulateRun, drawn: Mapping[str, Array]) -> SimulateRun:
+    """A run spec with drawn numbers put in, for the record of a single run."""
+    for path, values in drawn.items():
+        spec = _put(spec, path.split("."), values)
+    return spec
+
+
+def _put(model: Any, steps: list[str], values: Array) -> Any:
+    name = steps[0]
+    old = getattr(model, name)
+    if len(steps) > 1:
+        return model.model_copy(update={name: _put(old, steps[1:], values)})
+    new = tuple(float(v) for v in values) if isinstance(old, tuple) else float(values[0])
+    return model.model_copy(update={name: new})
+
+

@@ -1,0 +1,124 @@
+"""What a sweep file says: which runs, drawn how, tabulated how. The run's own fields stand beside these."""
+
+import re
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from fzcli.spec.base import SpecModel
+from fzcli.spec.nearest import hint
+
+_CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
+
+DISTRIBUTIONS = {
+    "uniform": 2,
+    "log_uniform": 2,
+    "normal": 2,
+    "sphere": None,
+    "choice": None,
+}
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A comparison of a metric with a number; NaN never meets one."""
+
+    metric: str
+    sign: str
+    limit: float
+
+    @staticmethod
+    def of(text: str) -> "Condition":
+        """From text such as ``tip_error_max < 1e-2``. Raises ValueError for anything else."""
+        match = _CONDITION.fullmatch(text)
+        if match is None:
+            raise ValueError(f"must be METRIC < NUMBER (or <=, >, >=), got {text!r}")
+        return Condition(match[1], match[2], float(match[3]))
+
+
+class Draw(SpecModel):
+    """A random field: one distribution with its numbers (scalars, or lists for a vector)."""
+
+    distribution: Literal["uniform", "log_uniform", "normal", "sphere", "choice"]
+    numbers: Any
+
+    @model_validator(mode="before")
+    @classmethod
+    def _short_form(cls, value: Any) -> Any:
+        if isinstance(value, dict) and len(value) == 1:
+            name, numbers = next(iter(value.items()))
+            if name not in DISTRIBUTIONS:
+                raise ValueError(f"unknown distribution {name!r}{hint(name, DISTRIBUTIONS)}")
+            return {"distribution": name, "numbers": numbers}
+        if isinstance(value, dict) and set(value) == {"distribution", "numbers"}:
+            return value
+        raise ValueError("must be one distribution and its numbers, such as {uniform: [0, 1]}")
+
+    @model_validator(mode="after")
+    def _right_count(self) -> "Draw":
+        wanted = DISTRIBUTIONS[self.distribution]
+        if self.distribution == "sphere":
+            if self.numbers not in (2, 3):
+                raise ValueError("sphere takes the number of dimensions, 2 or 3")
+        elif not isinstance(self.numbers, list) or not self.numbers:
+            raise ValueError(f"{self.distribution} takes a list")
+        elif wanted is not None and len(self.numbers) != wanted:
+            raise ValueError(f"{self.distribution} takes {wanted} entries, got {len(self.numbers)}")
+        return self
+
+
+class KeepIf(SpecModel):
+    """A filter of drawn trajectories: a run with these changes must meet these conditions."""
+
+    with_: Annotated[dict[str, Any], Field(alias="with", description="changes of the run that is tried")] = {}
+    that: Annotated[tuple[str, ...], Field(min_length=1, description="conditions such as tip_error_max < 1e-2")]
+    most: Annotated[int, Field(ge=1, description="candidates tried for one trajectory at the most")] = 1000
+
+    @field_validator("that")
+    @classmethod
+    def _conditions(cls, texts: tuple[str, ...]) -> tuple[str, ...]:
+        for text in texts:
+            Condition.of(text)
+        return texts
+
+
+class Trajectories(SpecModel):
+    """How many runs of each configuration, and what is drawn for each, the same for all configurations."""
+
+    count: Annotated[int, Field(ge=1, le=100_000_000)]
+    seed: Annotated[int, Field(ge=0)] = 0
+    first: Annotated[int, Field(ge=0, description="index of the first trajectory")] = 0
+    draw: dict[str, Draw] = {}
+    keep_if: KeepIf | None = None
+
+
+class TableSection(SpecModel):
+    """How the results are tabulated."""
+
+    rows: str
+    columns: str | None = None
+    show: tuple[str, ...] = ()
+    lost: Annotated[str | None, Field(description="what makes a run count as lost")] = None
+    beside: Annotated[str | None, Field(description="CSV file of published numbers")] = None
+
+
+class SweepFile(SpecModel):
+    """The fields that make a run file a sweep; all others are those of ``kind: simulate``."""
+
+    kind: Literal["sweep"] = "sweep"
+    about: str = ""
+    trajectories: Trajectories = Trajectories(count=1)
+    grid: Annotated[
+        dict[str, Annotated[list[Any], Field(min_length=1)]], Field(description="field -> values; all combinations")
+    ] = {}
+    list_: Annotated[
+        list[dict[str, Any]], Field(alias="list", description="explicit changes, one set a configuration")
+    ] = []
+    table: TableSection | None = None
+    expect_failures: Annotated[
+        dict[str, Any] | bool, Field(description="configurations whose failed runs do not fail the sweep")
+    ] = False
+
+
+OWN_KEYS = ("trajectories", "grid", "list", "table", "expect_failures")

@@ -1,0 +1,89 @@
+"""The drawn trajectories of a sweep, filtered where it asks for a filter."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.errors import FzcliError
+from fzcli.loop.engine import Batch
+from fzcli.sweep.builds import Builds, rows_of
+from fzcli.sweep.draws import candidate, generator
+from fzcli.sweep.resolve import Sweep
+from fzcli.sweep.sweep_spec import Condition
+
+Array = NDArray[np.float64]
+
+
+class FilterError(FzcliError):
+    """A filter that lets too little through."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """``values`` (trajectories, k) as drawn; how many candidates were tried for them all."""
+
+    values: Array
+    candidates: int
+
+
+def draw_trajectories(
+    sweep: Sweep, builds: Builds, jobs: int, tell: Callable[[str, int, int], None]
+) -> Drawing:
+    """Draw every trajectory; with a filter, candidates in order until one passes.
+
+    Raises FilterError when a trajectory passes none of the candidates it may try.
+    """
+    plan = sweep.file.trajectories
+    indices = range(plan.first, plan.first + plan.count)
+    generators = [generator(plan.seed, index) for index in indices]
+    width = sum(one.size for one in sweep.draws)
+    values = np.zeros((plan.count, width))
+    if sweep.filter is None or plan.keep_if is None:
+        for i, random in enumerate(generators):
+            values[i] = candidate(sweep.draws, random)
+        return Drawing(values, plan.count)
+    conditions = [Condition.of(text) for text in plan.keep_if.that]
+    waiting = np.arange(plan.count)
+    tried = 0
+    for _ in range(plan.keep_if.most):
+        for i in waiting:
+            values[i] = candidate(sweep.draws, generators[i])
+        tried += len(waiting)
+        passed = _pass(sweep, builds, values[waiting], conditions, jobs)
+        waiting = waiting[~passed]
+        tell("drawing", plan.count - len(waiting), plan.count)
+        if not len(waiting):
+            return Drawing(values, tried)
+    raise FilterError(
+        f"trajectories.keep_if: trajectory {plan.first + int(waiting[0])} passed none of {plan.keep_if.most} "
+        f"candidates ({plan.count - len(waiting)} of {plan.count} trajectories found); loosen the conditions"
+    )
+
+
+def _pass(
+    sweep: Sweep, builds: Builds, values: Array, conditions: list[Condition], jobs: int
+) -> NDArray[np.bool_]:
+    """Which candidates meet all conditions; a run that was stopped meets none."""
+    passed = np.ones(len(values), dtype=bool)
+    if sweep.filter is None:
+        return passed
+    for rows in rows_of(builds, sweep.filter, sweep.draws, values, np.arange(len(values))):
+        batch = rows.build.engine(record=False).run(rows.parameters, rows.steps, jobs=jobs)
+        passed[rows.runs] = _meets(rows.build.engine(record=False).loop.metrics, batch, conditions)
+    return passed
+
+
+def _meets(metrics: tuple[object, ...], batch: Batch, conditions: list[Condition]) -> NDArray[np.bool_]:
+    names = [getattr(metric, "name", "") for metric in metrics]
+    good = batch.stops == 0
+    for condition in conditions:
+        if condition.metric not in names:
+            raise FilterError(
+                f"trajectories.keep_if: no metric {condition.metric!r}; there are {', '.join(names)}"
+            )
+        values = batch.metrics[:, names.index(condition.metric)]
+        compare = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}[condition.sign]
+        good &= compare(values, condition.limit)
+    return good

@@ -1,0 +1,96 @@
+"""Result files as figures on disk."""
+
+from pathlib import Path
+from typing import Any
+
+from fzcli.errors import RecordError, UsageError
+from fzcli.record.info import describe
+from fzcli.record.rollout_file import read_rollout
+from fzcli.record.sweep_file import config_text, read_sweep, read_table_spec
+from fzcli.record.sweep_record import KeptRun, SweepRecord
+from fzcli.record.table import build_table
+from fzcli.view.rollout_plot import plot_comparison, rollout_figure
+from fzcli.view.style import output_path, save
+from fzcli.view.table_plot import table_figure
+
+SWEEP_FIGURES = ("table", "comparison", "runs")
+
+
+def plot(path: Path | str, out: Path | str | None = None, what: str | None = None) -> list[Path]:
+    """Draws a result file; gives the paths of the figures, png unless ``out`` has another suffix.
+
+    A run: its "run" figure. A sweep: "table" (needs a table section), "comparison" (kept runs of one
+    trajectory, yaw and gains), "runs" (each kept run); without ``what`` the first two where they apply,
+    the last where neither does. ``out`` is a file (one figure) or a folder; None is beside ``path``.
+
+    Raises:
+        RecordError: the file cannot be read, or has nothing to draw as ``what``.
+        UsageError: ``what`` or the suffix of ``out`` is unknown, or ``out`` cannot be written.
+    """
+    path = Path(path)
+    kind = describe(path).kind
+    known = ("run",) if kind == "rollout" else SWEEP_FIGURES
+    if what is not None and what not in known:
+        raise UsageError(f"plot: {what!r}: of a {kind} there are {', '.join(known)}")
+    if kind == "rollout":
+        figure = rollout_figure(read_rollout(path), path.stem)
+        return [save(figure, output_path(path, out, "run"))]
+    figures = _sweep_figures(path, what)
+    if len(figures) > 1 and out is not None and Path(out).suffix and not Path(out).is_dir():
+        names = ", ".join(tag for tag, _ in figures)
+        raise UsageError(
+            f"plot: {out}: one file for {len(figures)} figures ({names}); name a folder or one of them"
+        )
+    return [save(figure, output_path(path, out, tag)) for tag, figure in figures]
+
+
+def _sweep_figures(path: Path, what: str | None) -> list[tuple[str, Any]]:
+    record = read_sweep(path)
+    figures: list[tuple[str, Any]] = []
+    spec = read_table_spec(path)
+    if what == "table" and spec is None:
+        raise RecordError(f"{path}: has no table section to draw")
+    if spec is not None and what in (None, "table"):
+        figures.append(("table", table_figure(build_table(record, spec), path.stem)))
+    if what == "comparison" or (what is None and len({run.trajectory for run in record.kept}) == 1):
+        runs = _of_one_trajectory(record)
+        if len(runs) > 1:
+            title = f"{path.stem}, trajectory {runs[0].trajectory}"
+            labelled = [(config_label(record, run.config), run.rollout) for run in runs]
+            figures.append(("comparison", plot_comparison(labelled, title)))
+        elif what == "comparison":
+            raise RecordError(f"{path}: keeps no two configurations of one trajectory to compare")
+    if what == "runs" or (what is None and not figures):
+        if not record.kept:
+            raise RecordError(f"{path}: keeps no runs to draw, and has no table section")
+        figures += [_kept_figure(record, index, run) for index, run in enumerate(record.kept)]
+    return figures
+
+
+def _kept_figure(record: SweepRecord, index: int, run: KeptRun) -> tuple[str, Any]:
+    title = f"{config_label(record, run.config)}; trajectory {run.trajectory}; {run.role}"
+    return f"run{index}", rollout_figure(run.rollout, title)
+
+
+def _of_one_trajectory(record: SweepRecord) -> list[KeptRun]:
+    """The kept runs of the trajectory kept in most configurations, one a configuration."""
+    best: dict[int, KeptRun] = {}
+    for trajectory in dict.fromkeys(run.trajectory for run in record.kept):
+        runs = {run.config: run for run in reversed(record.kept) if run.trajectory == trajectory}
+        if len(runs) > len(best):
+            best = runs
+    return [best[config] for config in sorted(best)]
+
+
+def config_label(record: SweepRecord, config: int) -> str:
+    """What tells a configuration from the others, as short text; strings speak for themselves."""
+    entries = record.configs[config]
+    varied = [
+        name for name in entries if len({config_text(other.get(name)) for other in record.configs}) > 1
+    ] or list(entries)
+    parts = []
+    for name in varied:
+        value = entries[name]
+        shown = f"{value:g}" if isinstance(value, float) else config_text(value)
+        parts.append(shown if isinstance(value, str) else f"{name.rsplit('.', 1)[-1]} {shown}")
+    return ", ".join(parts) or f"configuration {config}"
