@@ -1,0 +1,93 @@
+"""fzcli: declarative, compiled and certified simulation of manipulators on free-floating bases.
+
+The functions of this module are the whole Python interface; the command line uses exactly these.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # the heavy rooms load when a function needs them
+    import casadi as ca
+
+    from fzcli.loop.rollout import Rollout
+    from fzcli.model import RobotModel
+    from fzcli.record.sweep_record import SweepRecord
+    from fzcli.spec.robot import Robot
+    from fzcli.spec.rulebase import Rulebase
+
+__version__ = "0.1.0"
+__all__ = ["build_model", "build_surface", "load_robot", "load_rulebase", "simulate", "sweep"]
+
+Source = str | Path
+
+
+def load_robot(source: Source) -> "Robot":
+    """A robot by name or path (YAML or URDF). Raises SpecError with every problem of the file."""
+    from fzcli.spec.load import load_robot as load
+
+    return load(source)
+
+
+def build_model(robot: "Robot") -> "RobotModel":
+    """The frozen symbolic model of a robot: kinematics, momentum, generalized Jacobian."""
+    from fzcli.model import build_model as build
+
+    return build(robot)
+
+
+def load_rulebase(source: Source) -> "Rulebase":
+    """A rule base by name or path. Raises SpecError with every problem of the file."""
+    from fzcli.spec.load import load_rulebase as load
+
+    return load(source)
+
+
+def build_surface(rulebase: "Rulebase") -> "ca.Function":
+    """A rule base as one branch-free ca.Function with named inputs and outputs."""
+    from fzcli.fuzzy.surface import build_surface as build
+
+    return build(rulebase)
+
+
+def simulate(
+    run: Source, *, sets: Sequence[str] = (), output: Source | None = None, argv: Sequence[str] = ()
+) -> "Rollout":
+    """Run one simulation, and the variants that it is compared with (``rollout.variants``).
+
+    ``run`` is a path, a name, or "-" for standard input; ``sets`` are changes such as
+    "controller.gain=100"; ``output`` is the HDF5 file to write, none by default.
+    Raises SpecError for bad input; a run that fails is returned with its status and data.
+    """
+    from fzcli.loop.simulate import load_run, simulate_all
+    from fzcli.record.rollout_file import write_rollout
+
+    spec, variants = load_run(run, sets)
+    rollout = simulate_all(spec, variants, argv)
+    if output is not None:
+        write_rollout(rollout, output, spec.record.precision)
+    return rollout
+
+
+def sweep(
+    run: Source,
+    *,
+    jobs: int | None = None,
+    sets: Sequence[str] = (),
+    output: Source | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+    argv: Sequence[str] = (),
+) -> "SweepRecord":
+    """Run all configurations of a sweep on all its trajectories.
+
+    ``jobs`` threads (all cores by default; results do not depend on it); ``progress(what, done,
+    total)`` is called on the way; ``output`` is the HDF5 file to write, none by default.
+    Raises SpecError for bad input; failed runs are rows with status 2.
+    """
+    from fzcli.sweep.execute import load_sweep, run_sweep, save_sweep
+
+    resolved = load_sweep(run, sets)
+    record = run_sweep(resolved, jobs, progress, argv)
+    if output is not None:
+        save_sweep(resolved, record, output)
+    return record

@@ -18,7 +18,7 @@ class OscillationSpec(SpecModel):
     """
 
     average: Annotated[int, Field(ge=2, le=10000, description="samples of the moving average")] = 10
-    window: Annotated[int, Field(ge=1, description="steps within which the two crossings fall")] = 20
+    window: Annotated[int, Field(ge=1, description="steps within which the two crossings fall")] = 10
     ignore_below: Annotated[float, Field(ge=0, description="smallest crossing that counts, rad/s or m/s")] = 3e-4
 
 

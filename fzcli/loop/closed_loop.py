@@ -55,6 +55,7 @@ class ClosedLoop:
     certificate_names: tuple[str, ...]
     history_length: int
     dt: float
+    joint_units: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -153,6 +154,7 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
         certificate_names=tuple(metric.name for metric in certifier.metrics),
         history_length=parts.law.history_length,
         dt=parts.dt,
+        joint_units=tuple("m" if body.prismatic else "rad" for body in parts.model.tree.bodies),
     )
 
 

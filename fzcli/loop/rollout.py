@@ -47,6 +47,7 @@ class Rollout:
     Shapes: time (T,) s; q, qd (T, n) rad or m, and per second; base_position (T, 3) m, origin of
     the base link's frame; base_quat (T, 4) w x y z, body to world; base_twist (T, 6) m/s, rad/s;
     tip_position (T, 3) m; tip_quat (T, 4); signals[name] (T,) or (T, k).
+    ``variants``: the runs that this one is compared with, by name.
     ``certificate`` and ``metrics`` map a name to one number (NaN where it does not apply);
     ``signal_info`` describes the signals, ``metric_info`` both maps of numbers; ``joint_units``
     is "rad" or "m" a joint, empty when every joint is in rad.
@@ -69,3 +70,4 @@ class Rollout:
     status: Status
     provenance: Provenance
     joint_units: tuple[str, ...] = ()
+    variants: Mapping[str, "Rollout"] = field(default_factory=dict)

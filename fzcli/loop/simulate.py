@@ -2,7 +2,8 @@
 
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -18,16 +19,24 @@ from fzcli.loop.run_spec import BoundsSpec, SimulateRun, simulate_model
 from fzcli.loop.verdict import BOUNDED, status_of
 from fzcli.spec.document import Document
 from fzcli.spec.hashing import spec_hash
+from fzcli.spec.library import find
 from fzcli.spec.load import check_kind
 from fzcli.spec.overlay import overlaid, without
 from fzcli.spec.parse import parse
 from fzcli.spec.quantity import Signal
-from fzcli.spec.reader import dump
+from fzcli.spec.reader import dump, read
 from fzcli.spec.references import BESIDE
 from fzcli.spec.sets import apply_sets
 
 Array = NDArray[np.float64]
 STATE_SIGNALS = ("q", "qd", "base_position", "base_quat", "base_twist", "tip_position", "tip_quat")
+
+
+def load_run(run: str | Path, sets: Sequence[str] = ()) -> tuple[SimulateRun, dict[str, SimulateRun]]:
+    """A run and its variants, by path or name. Raises SpecError with every problem found."""
+    document = read(run if isinstance(run, Path) or run == "-" else find("runs", run))
+    spec = run_of(document, sets)
+    return spec, variants_of(document, spec, sets)
 
 
 def run_of(document: Document, sets: Sequence[str] = ()) -> SimulateRun:
@@ -70,6 +79,12 @@ def simulate(spec: SimulateRun, argv: Sequence[str] = ()) -> Rollout:
     return rollouts(engine, batch, [spec.bounds], [provenance(spec, engine, argv)])[0]
 
 
+def simulate_all(spec: SimulateRun, variants: Mapping[str, SimulateRun], argv: Sequence[str] = ()) -> Rollout:
+    """The run, with its variants beside it."""
+    beside = {name: simulate(variant, argv) for name, variant in variants.items()}
+    return replace(simulate(spec, argv), variants=beside)
+
+
 def rollouts(
     engine: Engine, batch: Batch, bounds: Sequence[BoundsSpec], origins: Sequence[Provenance]
 ) -> list[Rollout]:
@@ -100,6 +115,7 @@ def _rollout(loop: ClosedLoop, batch: Batch, i: int, bounds: BoundsSpec, origin:
         signals={name: values for name, values in arrays.items() if name not in STATE_SIGNALS},
         signal_info={signal.name: signal for signal in loop.signals},
         joint_names=next(signal.components for signal in loop.signals if signal.name == "q"),
+        joint_units=loop.joint_units,
         metrics=metrics,
         metric_info=info,
         certificate={name: metrics[name] for name in names},
@@ -130,8 +146,3 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "source tree"
     return found
-
-
-def beside(document: Document) -> Path | None:
-    """The folder of a document's file."""
-    return document.path.parent if document.path else None

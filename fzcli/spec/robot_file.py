@@ -1,8 +1,8 @@
 """The robot files that users write: explicit frames, a standard DH table, or a URDF with additions."""
 
+import math
 from typing import Annotated, Any, Literal, Self
 
-import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, WithJsonSchema, field_validator, model_validator
 from pydantic.functional_validators import AfterValidator
 
@@ -50,8 +50,8 @@ def _axis(value: Any) -> Any:
 
 
 def _unit_axis(axis: Vector3) -> Vector3:
-    length = float(np.linalg.norm(axis))
-    if length < 1e-9:
+    length = math.hypot(*axis)
+    if not 1e-9 < length < math.inf:
         raise ValueError("must have a direction, got a zero vector")
     x, y, z = (part / length for part in axis)
     return (x, y, z)

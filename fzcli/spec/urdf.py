@@ -4,6 +4,7 @@ Format: wiki.ros.org/urdf/XML. The root link is the base, each leaf link a tip o
 """
 
 import io
+import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import numpy as np
 
 from fzcli.errors import Problem, SpecError
 from fzcli.spec.document import Steps
-from fzcli.spec.nearest import hint
+from fzcli.spec.nearest import hint, shown
 from fzcli.spec.physics import Inertia6, Vector3, check_body, rpy_of, snapped, turned_inertia, vector
 from fzcli.spec.reader import read_bytes
 from fzcli.spec.robot import Base, Frame, Joint, Link, Robot, Tip
@@ -44,28 +45,8 @@ def read_urdf(path: Path, additions: UrdfRobotFile | None = None) -> Robot:
     """
     urdf = _parsed(path)
     root = _root(urdf, path)
-    problems: list[Problem] = []
-    bodies: dict[str, _Body] = {}
-    for link in urdf.links:
-        try:
-            bodies[link.name] = _body(link)
-        except ValueError as error:
-            problems.append(Problem(f"link '{link.name}': {error}", file=str(path)))
-            bodies[link.name] = _Body()
-    links = []
-    for joint in urdf.joints:
-        try:
-            links.append(_link(joint, root, bodies[joint.child]))
-        except ValueError as error:
-            problems.append(Problem(f"joint '{joint.name}': {error}", file=str(path)))
-    overrides = additions.base if additions else UrdfBaseFile()
-    try:
-        base = _base(root, bodies[root], overrides)
-    except ValueError as error:
-        problems.append(Problem(str(error), file=str(path)))
-    if problems:
-        raise SpecError(problems)
-    tips = _tips(links, root, additions)
+    base, links = _bodies(urdf, root, additions.base if additions else UrdfBaseFile(), path)
+    tips = _tips(links, additions)
 
     def report(message: str, steps: Steps) -> Problem:
         return Problem(message, ".".join(map(str, steps)) if steps[0] == "tips" else "", str(path))
@@ -79,18 +60,44 @@ def read_urdf(path: Path, additions: UrdfRobotFile | None = None) -> Robot:
     )
 
 
+def _bodies(urdf: Any, root: str, overrides: UrdfBaseFile, path: Path) -> tuple[Base, list[Link]]:
+    """The base and the links, each with the joint that carries it, in the order of the joints."""
+    problems: list[Problem] = []
+    bodies = {link.name: _Body() for link in urdf.links}
+    for link in urdf.links:
+        try:
+            bodies[link.name] = _body(link)
+        except ValueError as error:
+            problems.append(Problem(f"link '{link.name}': {error}", file=str(path)))
+    links = []
+    for joint in urdf.joints:
+        try:
+            links.append(_link(joint, root, bodies[joint.child]))
+        except ValueError as error:
+            problems.append(Problem(f"joint '{joint.name}': {error}", file=str(path)))
+    if not problems:
+        try:
+            return _base(root, bodies[root], overrides), links
+        except ValueError as error:
+            problems.append(Problem(str(error), file=str(path)))
+    raise SpecError(problems)
+
+
 def _parsed(path: Path) -> Any:
     """yourdfpy's robot: its links and joints as written."""
     data = read_bytes(path)
     if b"<!ENTITY" in data or b"<!DOCTYPE" in data:
         raise SpecError(Problem("a URDF needs no DOCTYPE or ENTITY; remove it", file=str(path)))
     try:
-        if ElementTree.fromstring(data).tag != "robot":
-            raise SpecError(Problem("not a URDF: the outermost element must be <robot>", file=str(path)))
+        root = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
         line, column = error.position
         text = f"not XML: {str(error).partition(':')[0]}"
         raise SpecError(Problem(text, "", str(path), line, column + 1)) from None
+    if root.tag != "robot":
+        raise SpecError(Problem("not a URDF: the outermost element must be <robot>", file=str(path)))
+    if gaps := [Problem(text, file=str(path)) for part in root for text in _gaps(part)]:
+        raise SpecError(gaps)
     from yourdfpy import URDF
 
     try:
@@ -98,6 +105,31 @@ def _parsed(path: Path) -> Any:
     except (AttributeError, KeyError, TypeError, ValueError, IndexError) as error:
         raise SpecError(Problem(f"not a URDF: {error}", file=str(path))) from None
     return loaded.robot
+
+
+def _gaps(part: ElementTree.Element) -> Iterator[str]:
+    """What a link or joint lacks that yourdfpy takes for granted: names, and vectors of three numbers."""
+    if part.tag not in ("link", "joint"):
+        return
+    who = f"{part.tag} '{part.get('name', '')}'"
+    if not part.get("name"):
+        yield f"a <{part.tag}> without a name"
+    for role in ("parent", "child") if part.tag == "joint" else ():
+        element = part.find(role)
+        if element is None or not element.get("link"):
+            yield f'{who} needs <{role} link="..."/>'
+    for element in (*part.iter("origin"), *part.iter("axis")):
+        for key in ("xyz", "rpy"):
+            words = element.get(key, "0 0 0").split()
+            if len(words) != 3 or not all(_is_finite(word) for word in words):
+                yield f"{who}: {key} of <{element.tag}> must be three numbers, got {shown(element.get(key))}"
+
+
+def _is_finite(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
 
 
 def _root(urdf: Any, path: Path) -> str:
@@ -133,10 +165,9 @@ def _body(link: Any) -> _Body:
     if inertial.mass is None or inertial.inertia is None:
         raise ValueError("<inertial> needs <mass> and <inertia>")
     origin = np.eye(4) if inertial.origin is None else inertial.origin
-    inertia = turned_inertia(snapped(origin[:3, :3]), inertial.inertia)
-    numbers = [float(inertial.mass), *inertia, *origin[:3, 3]]
-    if not np.isfinite(numbers).all():
+    if not np.isfinite([inertial.mass, *inertial.inertia.flat]).all():
         raise ValueError("<inertial> holds numbers that are not finite")
+    inertia = turned_inertia(snapped(origin[:3, :3]), inertial.inertia)
     check_body(float(inertial.mass), inertia)
     return _Body(float(inertial.mass), vector(origin[:3, 3]), inertia)
 
@@ -149,6 +180,8 @@ def _link(joint: Any, root: str, body: _Body) -> Link:
     origin = np.eye(4) if joint.origin is None else joint.origin
     at = Frame(xyz=vector(origin[:3, 3]), rpy=rpy_of(snapped(origin[:3, :3])))
     position, speed = _limits(joint)
+    if not np.isfinite([*(position or ()), speed or 0.0]).all():
+        raise ValueError("<limit> holds numbers that are not finite")
     return Link(
         name=_own(joint.child),
         parent="base" if joint.parent == root else _own(joint.parent),
@@ -165,10 +198,10 @@ def _own(name: str) -> str:
 
 
 def _axis(joint: Any) -> Vector3:
-    length = float(np.linalg.norm(joint.axis))
+    length = math.hypot(*joint.axis)
     if joint.type == "fixed":
         return (0.0, 0.0, 1.0)
-    if not 1e-9 < length < np.inf:
+    if not 1e-9 < length < math.inf:
         raise ValueError("axis must have a direction, got a zero vector")
     return vector(joint.axis / length)
 
@@ -200,7 +233,7 @@ def _base(root: str, body: _Body, overrides: UrdfBaseFile) -> Base:
     return Base(name=root, floating=overrides.floating, mass=body.mass, com=body.com, inertia=body.inertia)
 
 
-def _tips(links: list[Link], root: str, additions: UrdfRobotFile | None) -> dict[str, Tip]:
+def _tips(links: list[Link], additions: UrdfRobotFile | None) -> dict[str, Tip]:
     if additions and additions.tips is not None:
         return {key: Tip(link=tip.link, xyz=tip.xyz, rpy=tip.rpy) for key, tip in additions.tips.items()}
     return {link.name: Tip(link=link.name) for link in _leaves(links)}

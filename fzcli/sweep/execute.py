@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,37 @@ from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.rollout import Provenance, Rollout
 from fzcli.loop.simulate import provenance, rollouts
 from fzcli.loop.verdict import BOUNDED, status_codes
+from fzcli.record.sweep_file import write_sweep
 from fzcli.record.sweep_record import KeptRun, SweepRecord
+from fzcli.record.table_spec import TableSpec
+from fzcli.spec.library import find, shipped_root
 from fzcli.spec.quantity import Signal
+from fzcli.spec.reader import read
 from fzcli.sweep.builds import Builds, Rows, rows_of, split
-from fzcli.sweep.resolve import Sweep
+from fzcli.sweep.resolve import Sweep, resolve
 from fzcli.sweep.trajectories import Drawing, draw_trajectories
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, int, int], None]
 ROLES = ("best", "median", "worst")
+
+
+def load_sweep(run: str | Path, sets: Sequence[str] = ()) -> Sweep:
+    """A sweep by path or name, resolved. Raises SpecError with every problem found."""
+    return resolve(read(run if isinstance(run, Path) or run == "-" else find("runs", run)), sets)
+
+
+def table_spec(sweep: Sweep) -> TableSpec | None:
+    """How the sweep asks to be tabulated; published numbers are sought beside its file, then shipped."""
+    if sweep.file.table is None:
+        return None
+    folders = [sweep.document.path.parent] if sweep.document.path else []
+    return TableSpec.of(sweep.file.table, (*folders, shipped_root() / "runs"))
+
+
+def save_sweep(sweep: Sweep, record: SweepRecord, path: str | Path) -> None:
+    """Write the record of a sweep, with its table section inside."""
+    write_sweep(record, path, sweep.specs[0].record.precision, table_spec(sweep))
 
 
 def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, argv: Sequence[str] = ()) -> SweepRecord:

@@ -165,6 +165,24 @@ ARM_INERTIAL = URDF[
         ),
         ('<mass value="4"/>', "", "link 'arm': <inertial> needs <mass> and <inertia>"),
         ('<mass value="4"/>', '<mass value="heavy"/>', "not a URDF: "),
+        (
+            'izz="0.1" ixy="0.01"',
+            'izz="inf" ixy="0.01"',
+            "link 'arm': <inertial> holds numbers that are not finite",
+        ),
+        ('velocity="3"', 'velocity="inf"', "joint 'shoulder': <limit> holds numbers that are not finite"),
+        (
+            'xyz="0.1 0.2 0.3"',
+            'xyz="0.1 0.2"',
+            "joint 'shoulder': xyz of <origin> must be three numbers, got '0.1 0.2'",
+        ),
+        (
+            'rpy="3.14159 0 0"',
+            'rpy="a 0 0"',
+            "joint 'spin': rpy of <origin> must be three numbers, got 'a 0 0'",
+        ),
+        ('<child link="wheel"/>', "", "joint 'spin' needs <child link=\"...\"/>"),
+        ('joint name="spin"', "joint", "a <joint> without a name"),
     ],
 )
 def test_what_is_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
