@@ -45,7 +45,7 @@ def kinematic_plant(model: RobotModel) -> Plant:
         drift = cross(w, com)
         velocity = -rotate(R, ca.mtimes(com_jacobian, qd) + drift)
         angular = ca.mtimes(inertia, w) + ca.mtimes(momentum, qd) - rotate(R.T, L)
-        linear = velocity + rotate(R, ca.mtimes(com_jacobian, qd)) + rotate(R, drift)
+        linear = rotate(R.T, velocity) + drift + ca.mtimes(com_jacobian, qd)  # base axes
     else:
         turn, next_quat, velocity = ca.SX.zeros(3), quat, ca.SX.zeros(3)
         angular = linear = ca.SX.zeros(3)

@@ -1,17 +1,19 @@
 """Print the instruction list of an SX Function as C over SIMD lanes.
 
 One statement an instruction, on the types and functions of ``c/lanes.h``. Comparisons stay masks,
-selections become one bitwise choice, sine and cosine of one angle are computed together.
+selections become one bitwise choice, sine and cosine of one angle are computed together, division by a
+constant is multiplication by its reciprocal.
 """
 
 import math
+from collections import Counter
 
 import casadi as ca
 
 from fzcli.errors import EngineError
 
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
-_COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
+_COMPARE = {ca.OP_LT: "less", ca.OP_LE: "less_equal", ca.OP_EQ: "equal"}
 _UNARY = {
     ca.OP_SQRT: "root",
     ca.OP_FABS: "magnitude",
@@ -29,9 +31,9 @@ _CALLS = {ca.OP_FMIN: "least", ca.OP_FMAX: "most", ca.OP_ATAN2: "arc_tangent2", 
 def constant(value: float) -> str:
     """A C literal that is bit-equal to ``value``."""
     if math.isnan(value):
-        return "(K(0.0) / K(0.0))"
+        return "from_bits(KB(0x7ff8000000000000))"
     if math.isinf(value):
-        return f"(K({'-' if value < 0 else ''}1.0) / K(0.0))"
+        return f"{'-' if value < 0 else ''}from_bits(KB(0x7ff0000000000000))"
     return f"K({float(value).hex()})"
 
 
@@ -43,6 +45,18 @@ def print_function(function: ca.Function, name: str) -> str:
     return _Printer(function, name).text()
 
 
+def _divisions_by(function: ca.Function) -> Counter[int]:
+    """How often each instruction's result divides something."""
+    written: dict[int, int] = {}
+    found: Counter[int] = Counter()
+    for k in range(function.n_instructions()):
+        if function.instruction_id(k) == ca.OP_DIV:
+            found[written[function.instruction_input(k)[1]]] += 1
+        if function.instruction_id(k) != ca.OP_OUTPUT:
+            written[function.instruction_output(k)[0]] = k
+    return found
+
+
 class _Printer:
     """State of one print: what each work slot holds now, as a V and as a mask."""
 
@@ -51,11 +65,15 @@ class _Printer:
         self.name = name
         self.values: dict[int, str] = {}  # work slot -> C expression of type V
         self.masks: dict[int, str] = {}  # work slot -> C expression of type M, where it holds a truth
+        self.constants: dict[int, float] = {}  # work slot -> number it holds, where its reciprocal is safe
         self.negated: dict[str, str] = {}  # mask -> the mask it is the opposite of
         self.picked: dict[str, tuple[str, str]] = {}  # value -> (mask, value) of an if_else_zero
         self.circular: dict[tuple[str, str], str] = {}  # ("sin"/"cos", argument) -> value
+        self.reciprocals: dict[str, str] = {}  # divisor -> its reciprocal
         self.lines: list[str] = []
         self.count = 0
+        self._written: dict[int, int] = {}  # work slot -> instruction that wrote it last
+        self._divisions = _divisions_by(function)
 
     def text(self) -> str:
         f = self.function
@@ -86,30 +104,44 @@ class _Printer:
     def _set(self, slot: int, value: str) -> None:
         self.values[slot] = value
         self.masks.pop(slot, None)
+        self.constants.pop(slot, None)
 
     def _set_mask(self, slot: int, mask: str) -> None:
         self.masks[slot] = mask
         self.values.pop(slot, None)
+        self.constants.pop(slot, None)
 
     def _instruction(self, k: int) -> None:
         f = self.function
         op, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+        self._statement(k, op, out, into)
+        if op != ca.OP_OUTPUT:
+            self._written[out[0]] = k
+
+    def _statement(self, k: int, op: int, out: list[int], into: list[int]) -> None:
+        f = self.function
         if op == ca.OP_OUTPUT:
             self.lines.append(f"out{out[0]}[{out[1]}] = {self._value(into[0])};")
         elif op == ca.OP_INPUT:
             self._set(out[0], self._new(f"in{into[0]}[{into[1]}]"))
         elif op == ca.OP_CONST:
-            self._set(out[0], constant(f.instruction_constant(k)))
+            number = f.instruction_constant(k)
+            self._set(out[0], constant(number))
+            if 1e-290 < abs(number) < 1e290:
+                self.constants[out[0]] = number
         elif op in _COMPARE:
-            expression = f"AS_M({self._value(into[0])} {_COMPARE[op]} {self._value(into[1])})"
+            expression = f"{_COMPARE[op]}({self._value(into[0])}, {self._value(into[1])})"
+            self._set_mask(out[0], self._new(expression, mask=True))
+        elif op == ca.OP_NE:
+            expression = f"opposite(equal({self._value(into[0])}, {self._value(into[1])}))"
             self._set_mask(out[0], self._new(expression, mask=True))
         elif op in (ca.OP_AND, ca.OP_OR):
-            sign = "&" if op == ca.OP_AND else "|"
-            joined = f"{self._mask(into[0])} {sign} {self._mask(into[1])}"
-            self._set_mask(out[0], self._new(joined, mask=True))
+            join = "both" if op == ca.OP_AND else "either"
+            expression = f"{join}({self._mask(into[0])}, {self._mask(into[1])})"
+            self._set_mask(out[0], self._new(expression, mask=True))
         elif op == ca.OP_NOT:
             mask = self._mask(into[0])
-            opposite = self._new(f"~{mask}", mask=True)
+            opposite = self._new(f"opposite({mask})", mask=True)
             self.negated[opposite] = mask
             self._set_mask(out[0], opposite)
         elif op == ca.OP_IF_ELSE_ZERO:
@@ -139,6 +171,10 @@ class _Printer:
             chosen = self._choice(a, self._value(into[1]))
             if chosen:
                 return chosen
+        if op == ca.OP_DIV and into[1] in self.constants:
+            return f"{a} * {constant(1.0 / self.constants[into[1]])}"
+        if op == ca.OP_DIV and self._divisions[self._written[into[1]]] > 1:
+            return f"{a} * {self._reciprocal(self._value(into[1]))}"
         if op in _BINARY:
             return f"{a} {_BINARY[op]} {self._value(into[1])}"
         if op in _CALLS:
@@ -146,6 +182,12 @@ class _Printer:
         if op == ca.OP_CONSTPOW and self._value(into[1]) == constant(0.5):
             return f"root({a})"
         raise EngineError(f"the compiled engine does not know CasADi's operation {op}")
+
+    def _reciprocal(self, divisor: str) -> str:
+        """CasADi turns x * (1/y) back into x / y: of several divisions by one value, make one again."""
+        if divisor not in self.reciprocals:
+            self.reciprocals[divisor] = self._new(f"K(1.0) / {divisor}")
+        return self.reciprocals[divisor]
 
     def _choice(self, a: str, b: str) -> str | None:
         """CasADi writes a selection as pick(m, x) + pick(~m, y): one bitwise choice."""

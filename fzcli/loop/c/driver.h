@@ -14,7 +14,22 @@ typedef struct {
     V sums[AT_LEAST_1(N_SAMPLES)], samples[AT_LEAST_1(N_SAMPLES)];
     V stop[1], signals[AT_LEAST_1(N_SIGNALS)], metrics[AT_LEAST_1(N_METRICS)];
     V ring[AT_LEAST_1(HISTORY_LENGTH)][AT_LEAST_1(N_SAMPLES)];
+    int64_t slot;
 } Workspace;
+
+/* One step at sample k: state[k & 1] to the other one, and the history moved on. */
+static void advance(Workspace *w, int64_t k)
+{
+    fzcli_closed_loop_step(w->state[k & 1], w->constants, w->sums, w->state[~k & 1], w->samples, w->stop, w->signals);
+#if HISTORY_LENGTH > 0
+    V *oldest = w->ring[w->slot];
+    for (int j = 0; j < N_SAMPLES; ++j) {
+        w->sums[j] = w->sums[j] + (w->samples[j] - oldest[j]);
+        oldest[j] = w->samples[j];
+    }
+    if (++w->slot == HISTORY_LENGTH) w->slot = 0;
+#endif
+}
 
 static void run_group(Workspace *w, int64_t runs, const double *parameters, const int64_t *n_steps,
                       double *metrics, int64_t *ends, int64_t *stops, double *record, int64_t stride)
@@ -29,18 +44,17 @@ static void run_group(Workspace *w, int64_t runs, const double *parameters, cons
         if (n_steps[run] > last) last = n_steps[run];
     }
     fzcli_initial(w->parameters, w->state[0], w->constants);
-    for (int64_t k = 0, slot = 0; k <= last && running > 0; ++k) {
-        V *now = w->state[k & 1], *next = w->state[~k & 1];
-        fzcli_closed_loop_step(now, w->constants, w->sums, next, w->samples, w->stop, w->signals);
+    for (int64_t k = 0; k <= last && running > 0; ++k) {
+        int finished = 0;
+        advance(w, k);
         if (record) {
             FOR_LANES(i) if (active[i])
                 for (int j = 0; j < N_SIGNALS; ++j)
                     record[(i * stride + k) * N_SIGNALS + j] = LANE(w->signals[j], i);
         }
-        int finished = 0;
         FOR_LANES(i) finished |= active[i] && (LANE(w->stop[0], i) != 0.0 || k == n_steps[i]);
         if (finished) {
-            fzcli_finish(next, w->constants, w->metrics);
+            fzcli_finish(w->state[~k & 1], w->constants, w->metrics);
             FOR_LANES(i) if (active[i] && (LANE(w->stop[0], i) != 0.0 || k == n_steps[i])) {
                 for (int j = 0; j < N_METRICS; ++j) metrics[i * N_METRICS + j] = LANE(w->metrics[j], i);
                 ends[i] = k;
@@ -49,11 +63,6 @@ static void run_group(Workspace *w, int64_t runs, const double *parameters, cons
                 --running;
             }
         }
-        for (int j = 0; HISTORY_LENGTH > 0 && j < N_SAMPLES; ++j) {
-            w->sums[j] = w->sums[j] + (w->samples[j] - w->ring[slot][j]);
-            w->ring[slot][j] = w->samples[j];
-        }
-        if (++slot >= HISTORY_LENGTH) slot = 0;
     }
 }
 
@@ -73,6 +82,23 @@ EXPORT int fzcli_rollouts(int64_t runs, const double *parameters, const int64_t 
     free(block);
     return 0;
 }
+
+#if LANES == 1
+/* A single run advanced from outside, in a workspace of fzcli_workspace_size() bytes, 64-byte aligned:
+   one step at sample k; the signals of that sample are copied out, the stop code is returned. */
+EXPORT int64_t fzcli_workspace_size(void) { return sizeof(Workspace); }
+EXPORT void fzcli_begin(Workspace *w, const double *parameters)
+{
+    memset(w, 0, sizeof *w);
+    fzcli_initial(parameters, w->state[0], w->constants);
+}
+EXPORT int fzcli_advance(Workspace *w, int64_t k, double *signals)
+{
+    advance(w, k);
+    memcpy(signals, w->signals, N_SIGNALS * sizeof(double));
+    return (int)w->stop[0];
+}
+#endif
 
 /* One call of a printed function on arrays of V (64-byte aligned): for single steps and for tests. */
 EXPORT void fzcli_call_initial(const V *parameters, V *state, V *constants)

@@ -9,70 +9,110 @@
 #define LANES 1
 #endif
 
+/* V: one double a lane. M: one truth a lane. B: the 64 bits of a V as integers. */
 #if LANES == 1
 typedef double V;
-typedef int64_t M;
+typedef int64_t B;
 #define K(x) (x)
-#define AS_M(comparison) (-(M)(comparison))
-#define FOR_LANES(i) for (int i = 0; i < 1; ++i)
+#define KB(x) ((int64_t)(x))
 #define LANE(v, i) (v)
-static inline V pick(M m, V a) { return m ? a : 0.0; }
-static inline V choose(M m, V a, V b) { return m ? a : b; }
-static inline V flip_sign(V x, M where) { return where ? -x : x; }
-static inline V root(V x) { return __builtin_sqrt(x); }
-static inline V magnitude(V x) { return __builtin_fabs(x); }
-static inline V with_sign(V x, V sign) { return __builtin_copysign(x, sign); }
-static inline M bits(V x) { M m; memcpy(&m, &x, sizeof m); return m; }
-static inline V from_bits(M m) { V x; memcpy(&x, &m, sizeof x); return x; }
+static inline B bits(V x) { B b; memcpy(&b, &x, sizeof b); return b; }
+static inline V from_bits(B b) { V x; memcpy(&x, &b, sizeof x); return x; }
 #else
 typedef double V __attribute__((vector_size(8 * LANES)));
-typedef int64_t M __attribute__((vector_size(8 * LANES)));
+typedef int64_t B __attribute__((vector_size(8 * LANES)));
 #if LANES == 2
-#define K(x) ((V){x, x})
-#define KM(x) ((M){x, x})
+#define SPREAD(x) x, x
 #elif LANES == 4
-#define K(x) ((V){x, x, x, x})
-#define KM(x) ((M){x, x, x, x})
+#define SPREAD(x) x, x, x, x
 #elif LANES == 8
-#define K(x) ((V){x, x, x, x, x, x, x, x})
-#define KM(x) ((M){x, x, x, x, x, x, x, x})
+#define SPREAD(x) x, x, x, x, x, x, x, x
 #else
 #error "LANES is 1, 2, 4 or 8"
 #endif
-#define AS_M(comparison) ((M)(comparison))
-#define FOR_LANES(i) for (int i = 0; i < LANES; ++i)
+#define K(x) ((V){SPREAD(x)})
+#define KB(x) ((B){SPREAD(x)})
 #define LANE(v, i) ((v)[i])
-static inline M bits(V x) { return (M)x; }
-static inline V from_bits(M m) { return (V)m; }
-static inline V pick(M m, V a) { return (V)((M)a & m); }
-static inline V choose(M m, V a, V b) { return (V)(((M)a & m) | ((M)b & ~m)); }
-static inline V flip_sign(V x, M where) { return (V)((M)x ^ (where & KM(INT64_MIN))); }
-#if defined(__AVX512F__) && LANES == 8
+static inline B bits(V x) { return (B)x; }
+static inline V from_bits(B b) { return (V)b; }
+#endif
+#define FOR_LANES(i) for (int i = 0; i < LANES; ++i)
+
+/* Comparison and selection: the machine's own masks where it has them, else plain bits. least(a, b) is
+   a < b ? a : b and most(a, b) is a > b ? a : b in all four, so that a NaN gives b. */
+#if LANES == 1
+typedef int M;
+static inline M less(V a, V b) { return a < b; }
+static inline M less_equal(V a, V b) { return a <= b; }
+static inline M equal(V a, V b) { return a == b; }
+static inline M both(M a, M b) { return a & b; }
+static inline M either(M a, M b) { return a | b; }
+static inline M opposite(M m) { return !m; }
+static inline M odd_bits(B b) { return (int)(b & 1); }
+static inline V pick(M m, V a) { return m ? a : 0.0; }
+static inline V choose(M m, V a, V b) { return m ? a : b; }
+static inline V least(V a, V b) { return a < b ? a : b; }
+static inline V most(V a, V b) { return a > b ? a : b; }
+static inline V root(V x) { return __builtin_sqrt(x); }
+#elif defined(__AVX512F__) && defined(__AVX512DQ__) && LANES == 8
 #include <immintrin.h>
+typedef __mmask8 M;
+static inline M less(V a, V b) { return _mm512_cmp_pd_mask((__m512d)a, (__m512d)b, _CMP_LT_OQ); }
+static inline M less_equal(V a, V b) { return _mm512_cmp_pd_mask((__m512d)a, (__m512d)b, _CMP_LE_OQ); }
+static inline M equal(V a, V b) { return _mm512_cmp_pd_mask((__m512d)a, (__m512d)b, _CMP_EQ_OQ); }
+static inline M both(M a, M b) { return (M)(a & b); }
+static inline M either(M a, M b) { return (M)(a | b); }
+static inline M opposite(M m) { return (M)~m; }
+static inline M odd_bits(B b) { return _mm512_test_epi64_mask((__m512i)b, _mm512_set1_epi64(1)); }
+static inline V pick(M m, V a) { return (V)_mm512_maskz_mov_pd(m, (__m512d)a); }
+static inline V choose(M m, V a, V b) { return (V)_mm512_mask_blend_pd(m, (__m512d)b, (__m512d)a); }
+static inline V least(V a, V b) { return (V)_mm512_min_pd((__m512d)a, (__m512d)b); }
+static inline V most(V a, V b) { return (V)_mm512_max_pd((__m512d)a, (__m512d)b); }
 static inline V root(V x) { return (V)_mm512_sqrt_pd((__m512d)x); }
-#elif defined(__AVX__) && LANES == 4
+#elif defined(__AVX2__) && LANES == 4
 #include <immintrin.h>
+typedef B M;
+static inline M less(V a, V b) { return (M)(a < b); }
+static inline M less_equal(V a, V b) { return (M)(a <= b); }
+static inline M equal(V a, V b) { return (M)(a == b); }
+static inline M both(M a, M b) { return a & b; }
+static inline M either(M a, M b) { return a | b; }
+static inline M opposite(M m) { return ~m; }
+static inline M odd_bits(B b) { return -(b & KB(1)); }
+static inline V pick(M m, V a) { return (V)((B)a & m); }
+static inline V choose(M m, V a, V b) { return (V)_mm256_blendv_pd((__m256d)b, (__m256d)a, (__m256d)m); }
+static inline V least(V a, V b) { return (V)_mm256_min_pd((__m256d)a, (__m256d)b); }
+static inline V most(V a, V b) { return (V)_mm256_max_pd((__m256d)a, (__m256d)b); }
 static inline V root(V x) { return (V)_mm256_sqrt_pd((__m256d)x); }
 #else
+typedef B M;
+static inline M less(V a, V b) { return (M)(a < b); }
+static inline M less_equal(V a, V b) { return (M)(a <= b); }
+static inline M equal(V a, V b) { return (M)(a == b); }
+static inline M both(M a, M b) { return a & b; }
+static inline M either(M a, M b) { return a | b; }
+static inline M opposite(M m) { return ~m; }
+static inline M odd_bits(B b) { return -(b & KB(1)); }
+static inline V pick(M m, V a) { return (V)((B)a & m); }
+static inline V choose(M m, V a, V b) { return (V)(((B)a & m) | ((B)b & ~m)); }
+static inline V least(V a, V b) { return choose(less(a, b), a, b); }
+static inline V most(V a, V b) { return choose(less(b, a), a, b); }
 static inline V root(V x) { V r; FOR_LANES(i) r[i] = __builtin_sqrt(x[i]); return r; }
 #endif
-static inline V magnitude(V x) { return (V)((M)x & KM(INT64_MAX)); }
-static inline V with_sign(V x, V sign) { return (V)(((M)x & KM(INT64_MAX)) | ((M)sign & KM(INT64_MIN))); }
-#endif
 
-static inline V least(V a, V b) { return choose(AS_M(a < b), a, b); }
-static inline V most(V a, V b) { return choose(AS_M(a > b), a, b); }
+static inline V magnitude(V x) { return from_bits(bits(x) & KB(INT64_MAX)); }
+static inline V with_sign(V x, V s) { return from_bits((bits(x) & KB(INT64_MAX)) | (bits(s) & KB(INT64_MIN))); }
 static inline V number(M m) { return pick(m, K(1.0)); }
-static inline M truth(V x) { return AS_M(x != K(0.0)); }
-static inline V signum(V x) { return pick(AS_M(x > K(0.0)), K(1.0)) - pick(AS_M(x < K(0.0)), K(1.0)); }
+static inline M truth(V x) { return opposite(equal(x, K(0.0))); }
+static inline V signum(V x) { return pick(less(K(0.0), x), K(1.0)) - pick(less(x, K(0.0)), K(1.0)); }
 
 /* To the nearest integer, exact for |x| < 2^51: adding 1.5 * 2^52 drops the fraction. */
 #define ROUNDER 6755399441055744.0
 static inline V nearest(V x) { return (x + K(ROUNDER)) - K(ROUNDER); }
 static inline V floored(V x)
 {
-    V r = choose(AS_M(magnitude(x) < K(2251799813685248.0)), nearest(x), x);
-    return r - pick(AS_M(r > x), K(1.0));
+    V r = choose(less(magnitude(x), K(2251799813685248.0)), nearest(x), x);
+    return r - pick(less(x, r), K(1.0));
 }
 static inline V ceiled(V x) { return -floored(-x); }
 
@@ -89,12 +129,11 @@ static inline void sine_cosine(V x, V *sine, V *cosine)
     V c = (K(1.0) - K(0.5) * z) + z * z * (K(0x1.555555555554cp-5) + z * (K(-0x1.6c16c16c15177p-10)
         + z * (K(0x1.a01a019cb1590p-16) + z * (K(-0x1.27e4f809c52adp-22) + z * (K(0x1.1ee9ebdb4b1c4p-29)
         + z * K(-0x1.8fae9be8838d4p-37))))));
-    M quadrant = bits(shifted);
-    M odd = -(quadrant & 1);
-    M upper = -((quadrant >> 1) & 1);
-    V swapped_s = choose(odd, c, s), swapped_c = choose(odd, s, c);
-    *sine = flip_sign(swapped_s, upper);
-    *cosine = flip_sign(swapped_c, upper ^ odd);
+    B quadrant = bits(shifted);
+    M odd = odd_bits(quadrant);
+    B upper = quadrant << 62 & KB(INT64_MIN), parity = quadrant << 63;
+    *sine = from_bits(bits(choose(odd, c, s)) ^ upper);
+    *cosine = from_bits(bits(choose(odd, s, c)) ^ (upper ^ parity));
 }
 
 /* Arc tangent of y/x in (-pi, pi]: the ratio of the smaller to the larger, then a further reduction
@@ -102,12 +141,13 @@ static inline void sine_cosine(V x, V *sine, V *cosine)
 static inline V arc_tangent2(V y, V x)
 {
     V ax = magnitude(x), ay = magnitude(y);
-    M steep = AS_M(ay > ax);
+    M steep = less(ax, ay);
     V larger = choose(steep, ay, ax), smaller = choose(steep, ax, ay);
-    M wide = AS_M(smaller > larger * K(0x1.a827999fcef32p-2));
+    M wide = less(larger * K(0x1.a827999fcef32p-2), smaller);
     V top = choose(wide, smaller - larger, smaller);
     V bottom = choose(wide, smaller + larger, larger);
-    V t = pick(AS_M(bottom != K(0.0)), top / choose(AS_M(bottom != K(0.0)), bottom, K(1.0)));
+    M zero = equal(bottom, K(0.0)); /* both are 0: 0 over 1 */
+    V t = top / choose(zero, K(1.0), bottom);
     V z = t * t, w = z * z;
     V even = z * (K(0x1.555555555550dp-2) + w * (K(0x1.24924920083ffp-3) + w * (K(0x1.745cdc54c206ep-4)
         + w * (K(0x1.10d66a0d03d51p-4) + w * (K(0x1.97b4b24760debp-5) + w * K(0x1.0ad3ae322da11p-6))))));
@@ -116,9 +156,9 @@ static inline V arc_tangent2(V y, V x)
     V a = t - t * (even + odd);
     a = a + pick(wide, K(0x1.921fb54442d18p-1));
     a = choose(steep, K(0x1.921fb54442d18p+0) - a, a);
-    a = choose(AS_M(x < K(0.0)), K(0x1.921fb54442d18p+1) - a, a);
+    a = choose(less(with_sign(K(1.0), x), K(0.0)), K(0x1.921fb54442d18p+1) - a, a);
     a = with_sign(a, y);
-    return choose(AS_M(x == x) & AS_M(y == y), a, x + y);
+    return choose(both(equal(x, x), equal(y, y)), a, x + y);
 }
 static inline V arc_tangent(V x) { return arc_tangent2(x, K(1.0)); }
 static inline V arc_sine(V x) { return arc_tangent2(x, root((K(1.0) - x) * (K(1.0) + x))); }
@@ -137,7 +177,7 @@ static inline V exponential(V x)
     V e = K(1.0) + (r * c / (K(2.0) - c) + r);
     V scale = from_bits((bits(shifted) << 52) + bits(K(1.0)));
     V result = e * scale;
-    result = choose(AS_M(x < K(-708.0)), K(0.0), result);
-    result = choose(AS_M(x > K(709.0)), K(1.0) / K(0.0), result);
-    return choose(AS_M(x == x), result, x);
+    result = choose(less(x, K(-708.0)), K(0.0), result);
+    result = choose(less(K(709.0), x), from_bits(KB(0x7ff0000000000000)), result);
+    return choose(equal(x, x), result, x);
 }

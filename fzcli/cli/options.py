@@ -1,0 +1,62 @@
+"""Options and arguments that several commands share."""
+
+import os
+import shutil
+import sys
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+RunArgument = Annotated[
+    str, typer.Argument(metavar="RUN", help="A run file, the name of a local or shipped one, or - for standard input.")
+]
+SetOption = Annotated[
+    list[str],
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a field, such as controller.gain=100; may be repeated."),
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No messages or progress; errors are still told.")]
+
+
+class TableFormat(StrEnum):
+    """How tables are printed."""
+
+    rich = "rich"
+    csv = "csv"
+    json = "json"
+    md = "md"
+
+
+class SummaryFormat(StrEnum):
+    """How the summary of a run is printed."""
+
+    rich = "rich"
+    csv = "csv"
+    json = "json"
+
+
+class DataFormat(StrEnum):
+    """How datasets are printed."""
+
+    csv = "csv"
+    jsonl = "jsonl"
+    npy = "npy"
+
+
+class Kind(StrEnum):
+    """The kinds of YAML files."""
+
+    robot = "robot"
+    rulebase = "rulebase"
+    simulate = "simulate"
+    sweep = "sweep"
+
+
+def table_width() -> int:
+    """Columns that a table may take: the terminal's, or 110 in a pipe or file."""
+    return shutil.get_terminal_size((110, 40)).columns if sys.stdout.isatty() else 110
+
+
+def colored() -> bool:
+    """Whether standard output is a terminal that wants colors."""
+    return sys.stdout.isatty() and "NO_COLOR" not in os.environ

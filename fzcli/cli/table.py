@@ -1,0 +1,42 @@
+"""``fzcli table``: the table of a sweep's file."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fzcli.cli.guard import emit, guarded
+from fzcli.cli.options import TableFormat, colored, table_width
+from fzcli.errors import RecordError
+
+if TYPE_CHECKING:
+    from fzcli.record.table_spec import TableSpec
+
+
+@guarded
+def table(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The HDF5 file of a sweep.")],
+    format: Annotated[TableFormat, typer.Option("--format", help="Of the table.")] = TableFormat.rich,
+) -> None:
+    """Print the table of a sweep: mean, median, 95th percentile, lost and failed runs."""
+    from fzcli.record.sweep_file import read_sweep, read_table_spec
+    from fzcli.record.table import build_table
+    from fzcli.record.table_text import render
+
+    spec = read_table_spec(file)
+    record = read_sweep(file)
+    spec = spec or default_table(record.configs)
+    if spec is None:
+        raise RecordError(f"{file}: one configuration and no table section: there is nothing to tabulate")
+    emit(render(build_table(record, spec), format.value, table_width(), colored()))
+
+
+def default_table(configs: Sequence[Mapping[str, Any]]) -> "TableSpec | None":
+    """A table for a sweep that asks for none: its first field down the rows, its second across."""
+    from fzcli.record.table_spec import TableSpec
+
+    paths = list(dict.fromkeys(path for config in configs for path in config))
+    if not paths:
+        return None
+    return TableSpec(rows=paths[0], columns=paths[1] if len(paths) > 1 else None)
