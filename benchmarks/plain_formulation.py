@@ -90,7 +90,7 @@ def plain_loop(tree: Tree, rulebase: Rulebase | None) -> PlainLoop:
     wanted = start + way * (10 * s**3 - 15 * s**4 + 6 * s**5)
     speed = way * (30 * s**2 - 60 * s**3 + 30 * s**4) / duration
     error = wanted - found["tip"]
-    yaw, pitch, roll = ca.atan2(R[1, 0], R[0, 0]), ca.asin(-R[2, 0]), ca.atan2(R[2, 1], R[2, 2])
+    yaw, pitch = ca.atan2(R[1, 0], R[0, 0]), ca.asin(-R[2, 0])
     row = ca.horzcat(ca.cos(yaw) * ca.tan(pitch), ca.sin(yaw) * ca.tan(pitch), 1)
     Jc = ca.mtimes(row, W)
     pseudo = ca.mtimes(J.T, ca.inv(ca.mtimes(J, J.T) + DAMPING * ca.SX.eye(3)))

@@ -15,14 +15,20 @@ from fzcli.errors import UsageError
 def get(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="An HDF5 file of fzcli.")],
     name: Annotated[
-        str | None, typer.Argument(metavar="[NAME]", help="A dataset, signal, metric or group; without one the names are listed.")
+        str | None,
+        typer.Argument(
+            metavar="NAME", help="A dataset, signal, metric or group; without one the names are listed."
+        ),
     ] = None,
     format: Annotated[DataFormat, typer.Option("--format", help="Of the data.")] = DataFormat.csv,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="PATH", help="A file instead of standard output.")
     ] = None,
 ) -> None:
-    """Print a dataset with what indexes it (time, run, configuration) as its first columns."""
+    """Print a dataset, for pipes.
+
+    What indexes it (time, run, configuration) makes the first columns.
+    """
     from fzcli.record.export import get as columns_of
     from fzcli.record.export import names, write_columns
 

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 @guarded
 def info(
     source: Annotated[
-        str, typer.Argument(metavar="FILE", help="An HDF5 file, or a robot, rule base or run by path or name.")
+        str,
+        typer.Argument(metavar="FILE", help="An HDF5 file, or a robot, rule base or run by path or name."),
     ],
 ) -> None:
     """Describe a result file, a robot, a rule base or a run."""

@@ -9,13 +9,20 @@ from typing import Annotated
 import typer
 
 RunArgument = Annotated[
-    str, typer.Argument(metavar="RUN", help="A run file, the name of a local or shipped one, or - for standard input.")
+    str,
+    typer.Argument(
+        metavar="RUN", help="A run file, the name of a local or shipped one, or - for standard input."
+    ),
 ]
 SetOption = Annotated[
     list[str],
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a field, such as controller.gain=100; may be repeated."),
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Change a field, such as controller.gain=100; may be repeated."
+    ),
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No messages or progress; errors are still told.")]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="No messages or progress; errors are still told.")
+]
 
 
 class TableFormat(StrEnum):

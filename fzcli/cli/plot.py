@@ -11,17 +11,30 @@ from fzcli.errors import UsageError
 
 @guarded
 def plot(
-    source: Annotated[str, typer.Argument(metavar="FILE", help="An HDF5 file of fzcli, or a rule base by path or name.")],
+    source: Annotated[
+        str, typer.Argument(metavar="FILE", help="An HDF5 file of fzcli, or a rule base by path or name.")
+    ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PATH", help="The figure (png, svg or pdf), or a folder. Default: beside the file."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="PATH",
+            help="The figure (png, svg or pdf), or a folder. Default: beside the file.",
+        ),
     ] = None,
     what: Annotated[
         str | None,
-        typer.Option("--what", help="Of a run: run or comparison; of a sweep: table, comparison or runs. Default: what fits."),
+        typer.Option(
+            "--what",
+            help="Of a run: run or comparison; of a sweep: table, comparison or runs. Default: what fits.",
+        ),
     ] = None,
 ) -> None:
-    """Draw a result, or a rule base's terms and surface, and print the paths of the figures."""
+    """Draw a result or a rule base.
+
+    Prints the paths of the figures. Of a rule base: its terms and its surface.
+    """
     from fzcli.cli.sources import find_any, is_result
 
     path = find_any(source)

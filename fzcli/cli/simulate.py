@@ -20,14 +20,22 @@ def simulate(
     sets: SetOption = [],  # noqa: B006
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PATH", help="The HDF5 file, or a folder for it. Default: NAME/NAME.h5 beside the run file."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="PATH",
+            help="The HDF5 file, or a folder for it. Default: NAME/NAME.h5 beside the run file.",
+        ),
     ] = None,
-    format: Annotated[SummaryFormat, typer.Option("--format", help="Of the summary on standard output.")] = SummaryFormat.rich,
+    format: Annotated[
+        SummaryFormat, typer.Option("--format", help="Of the summary on standard output.")
+    ] = SummaryFormat.rich,
     quiet: QuietOption = False,
 ) -> None:
-    """Run one simulation, with its variants, and print its metrics and certificate.
+    """Run one simulation, with its variants.
 
-    The result goes to an HDF5 file. Ends with 1 when a run failed; its data is kept up to there.
+    Prints metrics, certificate and status; the result goes to an HDF5 file. Ends with 1 when a run
+    failed; its data is kept up to there.
     """
     import fzcli
     from fzcli.cli.sources import run_source

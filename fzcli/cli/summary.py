@@ -28,7 +28,9 @@ def _entry(run: "Rollout") -> dict[str, Any]:
         "status": status.name,
         "reason": status.reason,
         "advice": status.advice,
-        "metrics": {name: _number(value) for name, value in run.metrics.items() if name not in run.certificate},
+        "metrics": {
+            name: _number(value) for name, value in run.metrics.items() if name not in run.certificate
+        },
         "certificate": {name: _number(value) for name, value in run.certificate.items()},
         "engine": run.provenance.engine,
         "spec_hash": run.provenance.spec_hash,
@@ -56,7 +58,10 @@ def _text(runs: "Mapping[str, Rollout]") -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = []
     for row in rows:
-        cells = [f"{text:<{width}}" if i == 0 else f"{text:>{width}}" for i, (text, width) in enumerate(zip(row, widths, strict=True))]
+        cells = [
+            f"{text:<{width}}" if i == 0 else f"{text:>{width}}"
+            for i, (text, width) in enumerate(zip(row, widths, strict=True))
+        ]
         lines.append("  ".join(cells).rstrip())
     return "\n".join([*lines, *_endings(runs)]) + "\n"
 

@@ -21,19 +21,32 @@ def sweep(
     run: RunArgument,
     sets: SetOption = [],  # noqa: B006
     jobs: Annotated[
-        int | None, typer.Option("--jobs", "-j", min=1, help="Threads; all cores by default. Results do not depend on it.")
+        int | None,
+        typer.Option(
+            "--jobs", "-j", min=1, help="Threads; all cores by default. Results do not depend on it."
+        ),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PATH", help="The HDF5 file, or a folder for it. Default: NAME/NAME.h5 beside the run file."),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="PATH",
+            help="The HDF5 file, or a folder for it. Default: NAME/NAME.h5 beside the run file.",
+        ),
     ] = None,
-    format: Annotated[TableFormat, typer.Option("--format", help="Of the table on standard output.")] = TableFormat.rich,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Check the file and print how many runs it makes.")] = False,
+    format: Annotated[
+        TableFormat, typer.Option("--format", help="Of the table on standard output.")
+    ] = TableFormat.rich,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check the file and print how many runs it makes.")
+    ] = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Run every configuration of a sweep on every trajectory and print its table.
+    """Run a sweep and print its table.
 
-    Ends with 1 when runs failed that the file does not expect to fail.
+    Every configuration runs on every trajectory; the result goes to an HDF5 file. Ends with 1 when
+    runs failed that the file does not expect to fail.
     """
     from fzcli.cli.progress import Progress
     from fzcli.cli.sources import run_source

@@ -19,7 +19,11 @@ def table(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="The HDF5 file of a sweep.")],
     format: Annotated[TableFormat, typer.Option("--format", help="Of the table.")] = TableFormat.rich,
 ) -> None:
-    """Print the table of a sweep: mean, median, 95th percentile, lost and failed runs."""
+    """Print the table of a sweep.
+
+    Mean, median and 95th percentile of every metric, lost and failed runs; beside published numbers
+    and with paired differences where the sweep has them.
+    """
     from fzcli.record.sweep_file import read_sweep, read_table_spec
     from fzcli.record.table import build_table
     from fzcli.record.table_text import render

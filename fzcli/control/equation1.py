@@ -25,7 +25,6 @@ from fzcli.spec.base import SpecModel
 from fzcli.spec.quantity import Metric, Parameter, Signal
 from fzcli.spec.units import Frequency
 
-
 CONDITIONING = Signal("conditioning", "1/m2", "trace of (J J^T + damping E)^-1, the task's Jacobian J")
 
 

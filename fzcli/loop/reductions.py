@@ -45,5 +45,5 @@ class Accumulators:
                 }[metric.reduction]
             )
         return Accumulators(
-            ca.vertcat(*symbols), ca.vertcat(*first), ca.vertcat(*updated), ca.vertcat(*results)
+            ca.vertcat(*symbols), ca.vertcat(*map(ca.SX, first)), ca.vertcat(*updated), ca.vertcat(*results)
         )

@@ -1,7 +1,9 @@
 """What a run file says: pydantic models of ``kind: simulate``, with the kinds that the registries know."""
 
+import functools
+import operator
 from functools import cache
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
@@ -68,11 +70,13 @@ class StartSpec(SpecModel):
 class BoundsSpec(SpecModel):
     """Bounds of the certificate: a run that exceeds one is flagged. null: no bound."""
 
-    tip_error: Annotated[float | None, Field(gt=0, description="largest tip error, m or rad: beyond, the tip is lost")] = (
-        1e-2
-    )
+    tip_error: Annotated[
+        float | None, Field(gt=0, description="largest tip error, m or rad: beyond, the tip is lost")
+    ] = 1e-2
     linear_momentum: Annotated[float | None, Field(gt=0, description="N s")] = 1e-9
-    angular_momentum: Annotated[float | None, Field(gt=0, description="N m s; the integrator's own error counts")] = None
+    angular_momentum: Annotated[
+        float | None, Field(gt=0, description="N m s; the integrator's own error counts")
+    ] = None
     quaternion_norm_error: Annotated[float | None, Field(gt=0)] = 1e-9
     joint_excess: Annotated[float | None, Field(ge=0, description="beyond a joint's position or speed limit")] = 1e-9
     singular_value: Annotated[float | None, Field(gt=0, description="smallest singular value of the task")] = None
@@ -106,8 +110,8 @@ class SimulateRun(SpecModel):
     record: RecordSpec = RecordSpec()
     compare: Annotated[
         dict[str, dict[str, Any]],
-        Field(description="variants run and drawn beside this run: name -> {field: value}"),
-    ] = {}
+        Field(default_factory=dict, description="variants run and drawn beside this run: name -> {field: value}"),
+    ]
 
     @model_validator(mode="after")
     def _fits_the_robot(self) -> "SimulateRun":
@@ -138,4 +142,4 @@ def simulate_model() -> type[SimulateRun]:
 
 
 def _union(specs: Any) -> Any:
-    return Annotated[Union[tuple(specs)], Field(discriminator="kind")]
+    return Annotated[functools.reduce(operator.or_, specs), Field(discriminator="kind")]

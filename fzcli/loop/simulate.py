@@ -105,13 +105,19 @@ def _rollout(loop: ClosedLoop, batch: Batch, i: int, bounds: BoundsSpec, origin:
         column += signal.size
     metrics = {metric.name: finite_or_nan(float(v)) for metric, v in zip(loop.metrics, batch.metrics[i], strict=True)}
     metrics["n_steps"] = float(end)
-    time = loop.dt * np.arange(end + 1)
+    time: Array = loop.dt * np.arange(end + 1, dtype=np.float64)
     info = {metric.name: Signal(metric.name, metric.unit, metric.long_name) for metric in loop.metrics}
     info["n_steps"] = Signal("n_steps", "1", "steps taken")
     names = [name for name in metrics if name in loop.certificate_names or name in BOUNDED]
     return Rollout(
         time=time,
-        **{name: arrays[name] for name in STATE_SIGNALS},
+        q=arrays["q"],
+        qd=arrays["qd"],
+        base_position=arrays["base_position"],
+        base_quat=arrays["base_quat"],
+        base_twist=arrays["base_twist"],
+        tip_position=arrays["tip_position"],
+        tip_quat=arrays["tip_quat"],
         signals={name: values for name, values in arrays.items() if name not in STATE_SIGNALS},
         signal_info={signal.name: signal for signal in loop.signals},
         joint_names=next(signal.components for signal in loop.signals if signal.name == "q"),

@@ -33,7 +33,7 @@ def exceeded(name: str, values: Array, bounds: BoundsSpec) -> NDArray[np.bool_] 
     bound = getattr(bounds, BOUNDED[name])
     if bound is None:
         return None
-    return values < bound if name == "singular_value_min" else ~(values <= bound)
+    return np.asarray(values < bound if name == "singular_value_min" else ~(values <= bound), dtype=bool)
 
 
 def status_codes(metrics: Mapping[str, Array], stops: NDArray[np.int64], bounds: BoundsSpec) -> NDArray[np.int8]:

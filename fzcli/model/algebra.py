@@ -1,7 +1,5 @@
 """Small symbolic linear algebra, branch free: symmetric solves, pseudo-inverse, singular values."""
 
-from typing import cast
-
 import casadi as ca
 
 
@@ -121,6 +119,6 @@ def _characteristic_polynomial(A: ca.SX) -> list[ca.SX]:
     product = ca.SX.eye(m)
     for k in range(1, m + 1):
         image = ca.mtimes(A, product)
-        coefficients.append(cast(ca.SX, -ca.trace(image) / k))
+        coefficients.append(-ca.trace(image) / k)
         product = image + coefficients[-1] * ca.SX.eye(m)
     return coefficients

@@ -164,13 +164,17 @@ def build_rollout(
     provenance: Provenance,
 ) -> Rollout:
     """A Rollout from its stored parts; ``numbers`` are metrics, certificate and their description."""
-    states = {key.quantity.name: values for key, values in columns.items() if not key.is_signal}
+    states: dict[str, Any] = {
+        key.quantity.name: np.asarray(values, dtype=np.float64)
+        for key, values in columns.items()
+        if not key.is_signal
+    }
     q = next(key for key in columns if key.quantity.name == "q" and not key.is_signal)
     metrics, certificate, metric_info = numbers
     code, reason, advice = status
     return Rollout(
         time=np.asarray(time, dtype=np.float64),
-        **{name: np.asarray(values, dtype=np.float64) for name, values in states.items()},
+        **states,
         signals={
             key.quantity.name: np.asarray(v, dtype=np.float64) for key, v in columns.items() if key.is_signal
         },

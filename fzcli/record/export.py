@@ -20,7 +20,7 @@ from fzcli.record.sweep_file import config_column, metric_names, read_configs
 from fzcli.spec.nearest import hint
 
 Format = Literal["csv", "jsonl", "npy"]
-_GROUPS = ("metrics", "signals", "kept", "certificate", "configs", "draws", "provenance")
+_GROUPS = ("metrics", "signals", "kept", "variants", "certificate", "configs", "draws", "provenance")
 _BLOCK = 10_000  # rows turned into text at a time
 
 
@@ -94,6 +94,16 @@ def get(path: Path | str, name: str) -> Columns:
         return found.columns()
 
 
+def names(path: Path | str) -> list[str]:
+    """Every name that ``get`` knows in a file, the short ones first.
+
+    Raises:
+        RecordError: the file is not a result.
+    """
+    with open_file(Path(path)) as file:
+        return available(file)
+
+
 def available(file: h5py.File) -> list[str]:
     """Names that ``get`` knows in this file, the short ones first."""
     names = [item.name[1:] for item in walk(file)]
@@ -121,6 +131,8 @@ def _find(file: h5py.File, name: str) -> _Collector | None:
 
 
 def _rollout(file: h5py.File, name: str, collector: _Collector) -> bool:
+    if name.startswith("variants/") and "variants" in file:
+        return _variants(file, name.removeprefix("variants/"), collector)
     series = {dataset.name.lstrip("/"): dataset for dataset in column_datasets(file)}
     signals = {key: dataset for key, dataset in series.items() if dataset.attrs["is_signal"]}
     if name == "signals" and signals:
@@ -135,6 +147,14 @@ def _rollout(file: h5py.File, name: str, collector: _Collector) -> bool:
     for key, dataset in chosen.items():
         collector.add_table(key, dataset.attrs["units"], dataset[...], labels_of(file, dataset))
     return True
+
+
+def _variants(file: h5py.File, name: str, collector: _Collector) -> bool:
+    """One array of the variants, or of the metrics and certificate, variant after variant."""
+    group = file["variants"]
+    if _kept(group, name, collector, ("role",)):
+        return True
+    return _plain(file, f"variants/{name}", collector)
 
 
 def _sweep(file: h5py.File, name: str, collector: _Collector) -> bool:
@@ -158,16 +178,20 @@ def _sweep(file: h5py.File, name: str, collector: _Collector) -> bool:
     return True
 
 
-def _kept(group: h5py.Group, name: str, collector: _Collector) -> bool:
-    """One array of the kept runs, run after run."""
+def _kept(
+    group: h5py.Group,
+    name: str,
+    collector: _Collector,
+    labels: tuple[str, ...] = ("kept", "config", "trajectory"),
+) -> bool:
+    """One array of the kept runs, run after run, with ``labels`` that tell the runs apart."""
     dataset = next((item for item in column_datasets(group) if item.name.rsplit("/", 1)[-1] == name), None)
     if dataset is None:
         return False
     lengths = group["n_steps"][...]
     inside = np.arange(dataset.shape[1]) < lengths[:, None]
-    collector.add("kept", "1", np.repeat(group["kept"][...], lengths))
-    for key in ("config", "trajectory"):
-        collector.add(key, "1", np.repeat(group[key][...], lengths))
+    for key in labels:
+        collector.add(key, group[key].attrs["units"], np.repeat(_values(group[key]), lengths))
     time = group["time"][...]
     collector.add("time", "s", np.broadcast_to(time, inside.shape)[inside])
     collector.add_table(name, dataset.attrs["units"], dataset[...][inside], labels_of(group, dataset))

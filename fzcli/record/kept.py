@@ -1,4 +1,4 @@
-"""Kept runs of a sweep: arrays (kept, time, component), short runs padded with NaN."""
+"""Several runs in one group (kept runs of a sweep, variants of a run): arrays (kept, time, component), short runs padded with NaN."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -24,7 +24,7 @@ from fzcli.record.sweep_record import KeptRun
 
 
 def write_kept(writer: GroupWriter, kept: Sequence[KeptRun], origin: Provenance) -> None:
-    """Writes the kept runs into a group of their own.
+    """Writes runs into a group of their own; ``origin`` is the provenance of the file they are in.
 
     Where all runs share their sample times, time is a dimension; otherwise the dimension is ``step``
     and time an array (kept, step).
@@ -54,9 +54,8 @@ def write_kept(writer: GroupWriter, kept: Sequence[KeptRun], origin: Provenance)
     writer.plot("q", "kept", clock, "joint")
 
 
-def read_kept(file: h5py.File, origin: Provenance) -> tuple[KeptRun, ...]:
-    """The kept runs of a sweep's file; ``origin`` is the sweep's own provenance."""
-    group = file["kept"]
+def read_kept(group: h5py.Group, origin: Provenance) -> tuple[KeptRun, ...]:
+    """The runs that ``write_kept`` wrote; ``origin`` is the file's own provenance."""
     arrays = {
         read_key(group, dataset): (dataset[...], dataset.attrs.get("present"))
         for dataset in column_datasets(group)

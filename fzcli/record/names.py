@@ -67,7 +67,7 @@ EXTRAS = {
         Name("status_advice", "", "what to try"),
         Name("config", "1", "index of the run's configuration"),
         Name("trajectory", "1", "index of the run's trajectory"),
-        Name("role", "", "why the run was kept: best, median or worst of its configuration"),
+        Name("role", "", "why the run was kept (best, median or worst), or the name of the variant"),
         Name("n_steps", "1", "samples of the run; what follows them is padding"),
         Name("spec_text", "", "the run's specification, resolved"),
         Name("spec_hash", "", "hash of the resolved specification"),

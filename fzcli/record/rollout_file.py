@@ -1,5 +1,6 @@
-"""One run as an HDF5 file."""
+"""One run, with the variants it is compared with, as an HDF5 file."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +25,15 @@ from fzcli.record.hdf5 import (
     read_text,
     write_provenance,
 )
+from fzcli.record.kept import read_kept, write_kept
 from fzcli.record.names import Name
+from fzcli.record.sweep_record import KeptRun
 
 
 def write_rollout(rollout: Rollout, path: Path | str, precision: Precision = "f4") -> None:
     """Writes the run to ``path``, whole or not at all; time, metrics and certificate are always f8.
+
+    Its variants go to group "variants", named by ``role``.
 
     Raises:
         RecordError: the file cannot be written, or an array's shape does not fit the run.
@@ -50,6 +55,9 @@ def write_rollout(rollout: Rollout, path: Path | str, precision: Precision = "f4
         for group, numbers in (("metrics", rollout.metrics), ("certificate", rollout.certificate)):
             write_numbers(writer.subgroup(group), [numbers], rollout.metric_info, ())
         write_provenance(writer, rollout.provenance)
+        if rollout.variants:
+            runs = [KeptRun(i, 0, name, one) for i, (name, one) in enumerate(rollout.variants.items())]
+            write_kept(writer.subgroup("variants"), runs, rollout.provenance)
         first = next((names[key][0] for key in columns if key.is_signal and not key.axis), None)
         if first is not None:
             writer.plot(first, "time")
@@ -66,10 +74,14 @@ def read_rollout(path: Path | str) -> Rollout:
     with open_file(Path(path), "rollout") as file:
         metrics, metric_info = read_numbers(file["metrics"])
         certificate, certificate_info = read_numbers(file["certificate"])
-        return build_rollout(
+        rollout = build_rollout(
             file["time"][...],
             {read_key(file, dataset): dataset[...] for dataset in column_datasets(file)},
             (metrics, certificate, {**metric_info, **certificate_info}),
             (int(file["status"][()]), read_text(file["status_reason"]), read_text(file["status_advice"])),
             read_provenance(file),
         )
+        if "variants" not in file:
+            return rollout
+        variants = read_kept(file["variants"], rollout.provenance)
+        return replace(rollout, variants={run.role: run.rollout for run in variants})

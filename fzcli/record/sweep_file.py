@@ -76,7 +76,7 @@ def read_sweep(path: Path | str) -> SweepRecord:
             draw_info={
                 key: int(value) for key, value in json.loads(file["draws"].attrs["draw_info"]).items()
             },
-            kept=read_kept(file, read_provenance(file)) if "kept" in file else (),
+            kept=read_kept(file["kept"], read_provenance(file)) if "kept" in file else (),
             provenance=read_provenance(file),
         )
 

@@ -71,7 +71,7 @@ class Draw(SpecModel):
 class KeepIf(SpecModel):
     """A filter of drawn trajectories: a run with these changes must meet these conditions."""
 
-    with_: Annotated[dict[str, Any], Field(alias="with", description="changes of the run that is tried")] = {}
+    with_: Annotated[dict[str, Any], Field(alias="with", default_factory=dict, description="changes of the run that is tried")]
     that: Annotated[tuple[str, ...], Field(min_length=1, description="conditions such as tip_error_max < 1e-2")]
     most: Annotated[int, Field(ge=1, description="candidates tried for one trajectory at the most")] = 1000
 
@@ -89,7 +89,7 @@ class Trajectories(SpecModel):
     count: Annotated[int, Field(ge=1, le=100_000_000)]
     seed: Annotated[int, Field(ge=0)] = 0
     first: Annotated[int, Field(ge=0, description="index of the first trajectory")] = 0
-    draw: dict[str, Draw] = {}
+    draw: Annotated[dict[str, Draw], Field(default_factory=dict)]
     keep_if: KeepIf | None = None
 
 
@@ -110,11 +110,13 @@ class SweepFile(SpecModel):
     about: str = ""
     trajectories: Trajectories = Trajectories(count=1)
     grid: Annotated[
-        dict[str, Annotated[list[Any], Field(min_length=1)]], Field(description="field -> values; all combinations")
-    ] = {}
+        dict[str, Annotated[list[Any], Field(min_length=1)]],
+        Field(default_factory=dict, description="field -> values; all combinations"),
+    ]
     list_: Annotated[
-        list[dict[str, Any]], Field(alias="list", description="explicit changes, one set a configuration")
-    ] = []
+        list[dict[str, Any]],
+        Field(alias="list", default_factory=list, description="explicit changes, one set a configuration"),
+    ]
     table: TableSection | None = None
     expect_failures: Annotated[
         dict[str, Any] | bool, Field(description="configurations whose failed runs do not fail the sweep")

@@ -48,8 +48,8 @@ def draw_trajectories(
     waiting = np.arange(plan.count)
     tried = 0
     for _ in range(plan.keep_if.most):
-        for i in waiting:
-            values[i] = candidate(sweep.draws, generators[i])
+        for place in waiting:
+            values[place] = candidate(sweep.draws, generators[place])
         tried += len(waiting)
         passed = _pass(sweep, builds, values[waiting], conditions, jobs)
         waiting = waiting[~passed]
@@ -77,7 +77,7 @@ def _pass(
 
 def _meets(metrics: tuple[object, ...], batch: Batch, conditions: list[Condition]) -> NDArray[np.bool_]:
     names = [getattr(metric, "name", "") for metric in metrics]
-    good = batch.stops == 0
+    good = np.asarray(batch.stops == 0)
     for condition in conditions:
         if condition.metric not in names:
             raise FilterError(

@@ -4,22 +4,25 @@ from pathlib import Path
 from typing import Any
 
 from fzcli.errors import RecordError, UsageError
+from fzcli.loop.rollout import Rollout
 from fzcli.record.info import describe
 from fzcli.record.rollout_file import read_rollout
 from fzcli.record.sweep_file import config_text, read_sweep, read_table_spec
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table import build_table
+from fzcli.spec.reader import read_text
 from fzcli.view.rollout_plot import plot_comparison, rollout_figure
 from fzcli.view.style import output_path, save
 from fzcli.view.table_plot import table_figure
 
 SWEEP_FIGURES = ("table", "comparison", "runs")
+RUN_FIGURES = ("run", "comparison")
 
 
 def plot(path: Path | str, out: Path | str | None = None, what: str | None = None) -> list[Path]:
     """Draws a result file; gives the paths of the figures, png unless ``out`` has another suffix.
 
-    A run: its "run" figure. A sweep: "table" (needs a table section), "comparison" (kept runs of one
+    A run: its "run" figure; with variants, "comparison" (yaw and gains of all). A sweep: "table" (needs a table section), "comparison" (kept runs of one
     trajectory, yaw and gains), "runs" (each kept run); without ``what`` the first two where they apply,
     the last where neither does. ``out`` is a file (one figure) or a folder; None is beside ``path``.
 
@@ -29,12 +32,12 @@ def plot(path: Path | str, out: Path | str | None = None, what: str | None = Non
     """
     path = Path(path)
     kind = describe(path).kind
-    known = ("run",) if kind == "rollout" else SWEEP_FIGURES
+    known = RUN_FIGURES if kind == "rollout" else SWEEP_FIGURES
     if what is not None and what not in known:
         raise UsageError(f"plot: {what!r}: of a {kind} there are {', '.join(known)}")
     if kind == "rollout":
-        figure = rollout_figure(read_rollout(path), path.stem)
-        return [save(figure, output_path(path, out, "run"))]
+        tag, figure = _run_figure(path, what)
+        return [save(figure, output_path(path, out, tag))]
     figures = _sweep_figures(path, what)
     if len(figures) > 1 and out is not None and Path(out).suffix and not Path(out).is_dir():
         names = ", ".join(tag for tag, _ in figures)
@@ -42,6 +45,23 @@ def plot(path: Path | str, out: Path | str | None = None, what: str | None = Non
             f"plot: {out}: one file for {len(figures)} figures ({names}); name a folder or one of them"
         )
     return [save(figure, output_path(path, out, tag)) for tag, figure in figures]
+
+
+def _run_figure(path: Path, what: str | None) -> tuple[str, Any]:
+    rollout = read_rollout(path)
+    if what == "run" or (what is None and not rollout.variants):
+        return "run", rollout_figure(rollout, path.stem)
+    if not rollout.variants:
+        raise RecordError(f"{path}: holds one run without variants, nothing to compare")
+    runs = [*rollout.variants.items(), (_law(rollout) or path.stem, rollout)]
+    return "comparison", plot_comparison(runs, path.stem)
+
+
+def _law(rollout: Rollout) -> str:
+    """The run's kind of controller, by its own specification; empty where that does not say."""
+    value = read_text(rollout.provenance.spec_text).value
+    controller = value.get("controller") if isinstance(value, dict) else None
+    return str(controller.get("kind", "")) if isinstance(controller, dict) else ""
 
 
 def _sweep_figures(path: Path, what: str | None) -> list[tuple[str, Any]]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fzcli.errors import RecordError, UsageError
-from fzcli.record.export import Columns, get, write_columns
+from fzcli.record.export import Columns, get, names, write_columns
 from fzcli.record.info import describe
 from fzcli.record.rollout_file import write_rollout
 from fzcli.record.sweep_file import write_sweep
@@ -55,6 +55,21 @@ def test_groups_give_all_their_columns(files: Path) -> None:
     assert get(files / "run.h5", "certificate").arrays[0] == 1e-13
     assert get(files / "sweep.h5", "kept").names[:4] == ("kept", "config", "trajectory", "n_steps")
     assert get(files / "sweep.h5", "start.q").names == ("trajectory", *(f"start.q.{k}" for k in range(4)))
+
+
+def test_variants_come_run_after_run_with_their_names(tmp_path: Path) -> None:
+    variants = {"bare": factory.make_rollout(1, steps=5, tuned=False), "fixed": factory.make_rollout(2, steps=3)}
+    write_rollout(factory.make_rollout(variants=variants), tmp_path / "run.h5", "f8")
+    columns = get(tmp_path / "run.h5", "variants/q")
+    assert columns.names == ("role", "time", "q.q1", "q.q2", "q.q3", "q.q4")
+    assert list(columns.arrays[0]) == ["bare"] * 5 + ["fixed"] * 3
+    both = np.concatenate([one.q for one in variants.values()])
+    np.testing.assert_array_equal(np.array(columns.arrays[2:]).T, both)
+    metrics = get(tmp_path / "run.h5", "variants/metrics/tip_error_mean")
+    assert list(metrics.arrays[-1]) == [one.metrics["tip_error_mean"] for one in variants.values()]
+    assert "variants/q" in names(tmp_path / "run.h5")
+    with pytest.raises(RecordError, match=r"has no 'variants/qq'; did you mean 'variants/q"):
+        get(tmp_path / "run.h5", "variants/qq")
 
 
 @pytest.mark.parametrize("name", ["tip_error_mean", "metrics/tip_error_mean"])

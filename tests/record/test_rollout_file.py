@@ -69,6 +69,28 @@ def test_joint_units_label_prismatic_joints(tmp_path: Path) -> None:
         assert list(file["qd"].attrs["component_units"]) == ["rad/s", "m/s", "rad/s", "rad/s"]
 
 
+def with_variants() -> Rollout:
+    variants = {
+        "unconstrained": factory.make_rollout(1, steps=90, tuned=False),
+        "fixed gain": factory.make_rollout(2, steps=57, provenance=dataclasses.replace(factory.ORIGIN, seed=3)),
+    }
+    return factory.make_rollout(steps=90, variants=variants)
+
+
+def test_variants_come_back_by_name_each_with_its_own_length_and_origin(tmp_path: Path) -> None:
+    run = with_variants()
+    write_rollout(run, tmp_path / "run.h5", "f8")
+    back = read_rollout(tmp_path / "run.h5")
+    assert_same(back, run)
+    assert list(back.variants) == ["unconstrained", "fixed gain"]
+    for name, variant in run.variants.items():
+        assert_same(back.variants[name], variant)
+        assert back.variants[name].variants == {}
+    with xarray.open_dataset(tmp_path / "run.h5", engine="h5netcdf", group="variants") as data:
+        assert data["q"].dims == ("kept", "time", "joint")
+        assert list(data["role"].values) == ["unconstrained", "fixed gain"]
+
+
 def test_a_diverged_run_keeps_its_data(tmp_path: Path) -> None:
     run = factory.make_rollout(steps=4)
     run.q[2:] = [[1e300] * 4, [np.nan] * 4]

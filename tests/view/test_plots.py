@@ -77,6 +77,19 @@ def test_comparison_has_yaw_on_the_left_and_gains_on_the_right() -> None:
     assert left.lines[1].get_color() == right.lines[0].get_color()
 
 
+def test_a_run_with_variants_is_drawn_as_a_comparison(tmp_path: Path) -> None:
+    variants = {"unconstrained": factory.make_rollout(1, tuned=False)}
+    origin = dataclasses.replace(factory.ORIGIN, spec_text="controller: {kind: fuzzy_clik}\n")
+    write_rollout(factory.make_rollout(2, variants=variants, provenance=origin), tmp_path / "fig.h5")
+    assert plot(tmp_path / "fig.h5") == [tmp_path / "fig-comparison.png"]
+    assert is_png(tmp_path / "fig-comparison.png")
+    assert plot(tmp_path / "fig.h5", what="run") == [tmp_path / "fig-run.png"]
+    write_rollout(factory.make_rollout(), tmp_path / "one.h5")
+    assert plot(tmp_path / "one.h5") == [tmp_path / "one-run.png"]
+    with pytest.raises(RecordError, match=r"one\.h5: holds one run without variants, nothing to compare"):
+        plot(tmp_path / "one.h5", what="comparison")
+
+
 def test_table_figure_draws_the_tables_numbers() -> None:
     table = build_table(factory.make_sweep(50), TABLE)
     figure = table_figure(table)

@@ -1,0 +1,40 @@
+"""``fzcli schema``: JSON Schemas of the files."""
+
+from typing import Annotated, Any
+
+import typer
+
+from fzcli.cli.guard import emit, guarded
+from fzcli.cli.options import Kind
+
+
+@guarded
+def schema(
+    kind: Annotated[
+        Kind | None,
+        typer.Argument(
+            metavar="KIND", help="robot, rulebase, simulate or sweep; all of them in one object by default."
+        ),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of a kind of file.
+
+    Editors complete and check with it.
+    """
+    from fzcli.spec.library import schema_text
+
+    schemas = all_schemas()
+    emit(schema_text(schemas if kind is None else schemas[kind.value]))
+
+
+def all_schemas() -> dict[str, dict[str, Any]]:
+    """Kind -> JSON Schema."""
+    from fzcli.spec.schema import json_schema
+    from fzcli.sweep.schema import simulate_schema, sweep_schema
+
+    return {
+        "robot": json_schema("robot"),
+        "rulebase": json_schema("rulebase"),
+        "simulate": simulate_schema(),
+        "sweep": sweep_schema(),
+    }
