@@ -7,6 +7,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+# The rooms `sweep` and `plan` share their names with functions of this module. Loading a submodule binds
+# its name here, so both are loaded first (they are empty) and the functions below take the names for good.
+import fzcli.plan
+import fzcli.sweep  # noqa: F401
+
 if TYPE_CHECKING:  # the heavy rooms load when a function needs them
     import casadi as ca
 

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from fzcli.loop.compiler import find_compiler
+
 
 @pytest.fixture(scope="session", autouse=True)
 def cache_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
@@ -16,3 +18,13 @@ def cache_of_the_tests(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Non
         del os.environ["FZCLI_CACHE_DIR"]
     else:
         os.environ["FZCLI_CACHE_DIR"] = before
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Runs go through CasADi's machine: for a single short run, quicker than to compile it."""
+    monkeypatch.setenv("FZCLI_CC", "none")
+    find_compiler.cache_clear()
+    yield
+    monkeypatch.undo()
+    find_compiler.cache_clear()

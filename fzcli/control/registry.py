@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import entry_points
 from typing import Any
 
@@ -27,6 +28,7 @@ _OWN = (
 )
 
 
+@cache
 def controllers() -> dict[str, Controller]:
     """Kind -> controller: our own, then those of installed packages.
 

@@ -11,16 +11,19 @@ from fzcli.errors import Problem, SpecError
 from fzcli.loop.closed_loop import ClosedLoop, Parts, build_closed_loop
 from fzcli.loop.plant import kinematic_plant
 from fzcli.loop.run_spec import SimulateRun
-from fzcli.model import build_model
+from fzcli.model import RobotModel, build_model
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
 from fzcli.spec.quantity import Parameter
 
 Array = NDArray[np.float64]
 
 
-def closed_loop(spec: SimulateRun, record: bool) -> ClosedLoop:
-    """Build the closed loop of a run; with ``record`` its step gives every signal."""
-    model = build_model(spec.robot)
+def closed_loop(spec: SimulateRun, record: bool, model: RobotModel | None = None) -> ClosedLoop:
+    """Build the closed loop of a run; with ``record`` its step gives every signal.
+
+    ``model`` saves building the robot's model again.
+    """
+    model = model or build_model(spec.robot)
     parts = Parts(
         model=model,
         law=controllers()[spec.controller.kind].build(model, spec.controller),

@@ -46,6 +46,9 @@ class Certifier:
         rows["quaternion_norm_error_max"] = _Row(
             0.5 * ca.fabs(dot(quat, quat) - 1), "1", "largest error of the base quaternion's norm"
         )
+        rows["step_travel_max"] = _Row(
+            parts.plant.travel(moving, parts.dt), "rad or m", "longest step of joints and base together", True
+        )
         rows.update(_limit_rows(parts, state, derivative))
         memory = [ca.SX.sym(name) for name in rows]
         following = [ca.fmax(old, row.value) for old, row in zip(memory, rows.values(), strict=True)]

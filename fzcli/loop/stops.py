@@ -10,7 +10,9 @@ from fzcli.model.attitude import rotation_matrix
 if TYPE_CHECKING:
     from fzcli.loop.closed_loop import Parts
 
-LARGEST_STEP = 1.0e9  # rad or m in one step, all joints and the base together
+# Where a run is stopped as diverged: rad or m in one step, all joints and the base together. Far beyond
+# any motion that means something, so that the unstable runs of the paper's Table 2 run to their end.
+LARGEST_STEP = 1.0e5
 NEAREST_PITCH = 1e-12  # squared cosine of the pitch at which roll and yaw count as undefined
 
 
@@ -31,7 +33,7 @@ STOP_REASONS = {
     ),
     2: StopReason(
         "angle_singularity",
-        "the base's pitch came within 0.006 deg of 90 deg, where roll and yaw are undefined",
+        "the base's pitch came within 1e-6 rad of 90 deg, where roll and yaw are undefined",
         "use controller.constraint: [rotation_vector], which has no such attitude",
     ),
 }

@@ -35,6 +35,7 @@ class RobotModel:
     joint_names: tuple[str, ...]
     tips: tuple[str, ...]
     _functions: dict[tuple[str, str], ca.Function] = field(default_factory=dict, repr=False, compare=False)
+    _frames: list[tuple[ca.SX, BaseFrame]] = field(default_factory=list, repr=False, compare=False)
 
     @property
     def n(self) -> int:
@@ -103,8 +104,11 @@ def build_model(robot: Robot) -> RobotModel:
 
 
 def _frame(model: RobotModel) -> tuple[ca.SX, BaseFrame]:
-    q = ca.SX.sym("q", model.n)
-    return q, build_base_frame(model.tree, q)
+    """The symbols of the joints and all base-frame quantities at them, made once a model."""
+    if not model._frames:
+        q = ca.SX.sym("q", model.n)
+        model._frames.append((q, build_base_frame(model.tree, q)))
+    return model._frames[0]
 
 
 def _body(model: RobotModel, tip: str) -> ca.Function:

@@ -12,6 +12,7 @@ from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.engine import Engine, make_engine
 from fzcli.loop.run_spec import SimulateRun
+from fzcli.model import RobotModel, build_model
 from fzcli.spec.hashing import spec_hash
 from fzcli.sweep.resolve import Drawn, with_values
 
@@ -25,12 +26,13 @@ class Build:
 
     loop: ClosedLoop
     spec: SimulateRun
+    model: RobotModel
     engines: dict[bool, Engine] = field(default_factory=dict)
 
     def engine(self, record: bool) -> Engine:
         """The engine that reduces metrics only, or the one that records every signal."""
         if record not in self.engines:
-            loop = closed_loop(self.spec, record=True) if record else self.loop
+            loop = closed_loop(self.spec, record=True, model=self.model) if record else self.loop
             self.engines[record] = make_engine(loop)
         return self.engines[record]
 
@@ -57,9 +59,11 @@ class Builds:
         for paths, key, build in self._found:
             if _key(dump, paths, spec.start.drifting) == key:
                 return build
-        loop = closed_loop(spec, record=False)
+        model = next((b.model for _, _, b in self._found if b.spec.robot == spec.robot), None)
+        model = model or build_model(spec.robot)
+        loop = closed_loop(spec, record=False, model=model)
         paths = tuple(parameter.path for parameter in loop.parameters)
-        build = Build(loop, spec)
+        build = Build(loop, spec, model)
         self._found.append((paths, _key(dump, paths, spec.start.drifting), build))
         return build
 

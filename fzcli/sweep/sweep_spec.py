@@ -108,7 +108,7 @@ class SweepFile(SpecModel):
 
     kind: Literal["sweep"] = "sweep"
     about: str = ""
-    trajectories: Trajectories = Trajectories(count=1)
+    trajectories: Trajectories = Trajectories(count=1, draw={})
     grid: Annotated[
         dict[str, Annotated[list[Any], Field(min_length=1)]],
         Field(default_factory=dict, description="field -> values; all combinations"),

@@ -112,9 +112,9 @@ def test_pose_of_a_six_joint_arm(tmp_path: Path) -> None:
     assert found.allowed > 0.998, found
 
 
-@pytest.mark.parametrize("seed", [3, 6, 11, 16])
+@pytest.mark.parametrize("seed", [3, 11, 13, 16])
 def test_random_trees(seed: int) -> None:
-    """Branches, prismatic and fixed joints, any attitude; seed 6 stands on a fixed base."""
+    """Branches, prismatic and fixed joints, any attitude; seed 13 stands on a fixed base."""
     robot = random_robot(seed)
     spec = run_spec(controller__kind="fuzzy_clik", controller__damping=1e-2)
     n = sum(link.joint.type != "fixed" for link in robot.links)
