@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from fzcli.control.registry import controllers
 from fzcli.errors import Problem, SpecError
-from fzcli.loop.closed_loop import ClosedLoop, Parts, build_closed_loop
+from fzcli.loop.closed_loop import ClosedLoop, build_closed_loop
+from fzcli.loop.parts import Parts
 from fzcli.loop.plant import kinematic_plant
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.model import RobotModel, build_model

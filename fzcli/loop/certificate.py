@@ -1,16 +1,13 @@
 """The certificate: how well a run kept the laws it must keep, measured inside the compiled step."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
+from fzcli.loop.parts import Parts
 from fzcli.model.algebra import dot
 from fzcli.spec.quantity import Metric
-
-if TYPE_CHECKING:
-    from fzcli.loop.closed_loop import Parts
 
 
 @dataclass(frozen=True)
@@ -32,7 +29,7 @@ class Certifier:
 
     @staticmethod
     def of(
-        parts: "Parts",
+        parts: Parts,
         state: ca.SX,
         derivative: ca.SX,
         moving: ca.SX,
@@ -81,7 +78,7 @@ class _Row:
 
 
 def _momentum_rows(
-    parts: "Parts", state: ca.SX, derivative: ca.SX, previous: ca.SX, momentum: ca.SX
+    parts: Parts, state: ca.SX, derivative: ca.SX, previous: ca.SX, momentum: ca.SX
 ) -> dict[str, _Row]:
     if not parts.model.floating:
         return {}
@@ -93,7 +90,7 @@ def _momentum_rows(
     }
 
 
-def _limit_rows(parts: "Parts", state: ca.SX, derivative: ca.SX) -> dict[str, _Row]:
+def _limit_rows(parts: Parts, state: ca.SX, derivative: ca.SX) -> dict[str, _Row]:
     """Excess over joint limits, where the robot states any; 0 when kept."""
     q = parts.plant.observe(state)[0]
     qd = parts.plant.motion(state, derivative)[0]
@@ -124,7 +121,7 @@ class _Posture:
     result: ca.SX
 
 
-def _singular_value(parts: "Parts", state: ca.SX, signals: dict[str, ca.SX]) -> _Posture | None:
+def _singular_value(parts: Parts, state: ca.SX, signals: dict[str, ca.SX]) -> _Posture | None:
     """Keep the joint values at which the task is conditioned worst; one singular value at the end."""
     if parts.law.singular_value is None:
         return None

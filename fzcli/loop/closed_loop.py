@@ -5,33 +5,15 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from fzcli.control.law import Law
 from fzcli.loop.certificate import Certifier
-from fzcli.loop.plant import Plant
+from fzcli.loop.parts import Parts
 from fzcli.loop.reductions import Accumulators
 from fzcli.loop.stops import stop_code
-from fzcli.model import RobotModel
 from fzcli.model.algebra import rotate
 from fzcli.model.attitude import multiply, quaternion_from_matrix, roll_pitch_yaw, rotation_matrix
-from fzcli.plan.reference import BaseReference, TipReference
 from fzcli.spec.quantity import Metric, Parameter, Signal
 
 XYZ, WXYZ = ("x", "y", "z"), ("w", "x", "y", "z")
-
-
-@dataclass(frozen=True)
-class Parts:
-    """What a closed loop is composed of. ``drifting``: the system starts with momentum."""
-
-    model: RobotModel
-    law: Law
-    plant: Plant
-    reference: TipReference
-    base_reference: BaseReference
-    tip: str | None
-    dt: float
-    method: str
-    drifting: bool
 
 
 @dataclass(frozen=True)
@@ -114,7 +96,7 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
     else:
         moving = derivative
     certifier = Certifier.of(parts, plant_state, derivative, moving, previous, L, sample.signals)
-    totals = Accumulators.of(parts.law.metrics, sample.signals, certifier, count)
+    totals = Accumulators.of(parts.law.metrics, sample.signals, count)
     old = ca.vertcat(plant_state, memory, previous, certifier.memory, totals.symbols, count)
     following = ca.vertcat(
         parts.plant.advance(plant_state, moving, parts.dt),

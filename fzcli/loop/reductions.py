@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import casadi as ca
 
 from fzcli.errors import UsageError
-from fzcli.loop.certificate import Certifier
 from fzcli.spec.quantity import Metric
 
 FAR = 1.0e300  # beyond any signal
@@ -24,9 +23,7 @@ class Accumulators:
     results: ca.SX
 
     @staticmethod
-    def of(
-        metrics: tuple[Metric, ...], signals: dict[str, ca.SX], certifier: Certifier, count: ca.SX
-    ) -> "Accumulators":
+    def of(metrics: tuple[Metric, ...], signals: dict[str, ca.SX], count: ca.SX) -> "Accumulators":
         """One total for every (signal, reduction) pair of ``metrics``."""
         symbols, first, updated, results = [], [], [], []
         for metric in metrics:

@@ -1,14 +1,11 @@
 """What ends a run before its time: each condition has a code, a name and advice."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
+from fzcli.loop.parts import Parts
 from fzcli.model.attitude import rotation_matrix
-
-if TYPE_CHECKING:
-    from fzcli.loop.closed_loop import Parts
 
 # Where a run is stopped as diverged: rad or m in one step, all joints and the base together. Far beyond
 # any motion that means something, so that the unstable runs of the paper's Table 2 run to their end.
@@ -39,7 +36,7 @@ STOP_REASONS = {
 }
 
 
-def stop_code(parts: "Parts", plant_state: ca.SX, derivative: ca.SX) -> ca.SX:
+def stop_code(parts: Parts, plant_state: ca.SX, derivative: ca.SX) -> ca.SX:
     """0 to go on, else a key of ``STOP_REASONS``; a NaN anywhere in the motion fails the comparison."""
     travel = parts.plant.travel(derivative, parts.dt)
     code = ca.if_else(travel < LARGEST_STEP**2, 0.0, 1.0)

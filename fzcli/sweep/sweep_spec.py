@@ -71,7 +71,9 @@ class Draw(SpecModel):
 class KeepIf(SpecModel):
     """A filter of drawn trajectories: a run with these changes must meet these conditions."""
 
-    with_: Annotated[dict[str, Any], Field(alias="with", default_factory=dict, description="changes of the run that is tried")]
+    with_: Annotated[
+        dict[str, Any], Field(alias="with", default_factory=dict, description="changes of the run that is tried")
+    ]
     that: Annotated[tuple[str, ...], Field(min_length=1, description="conditions such as tip_error_max < 1e-2")]
     most: Annotated[int, Field(ge=1, description="candidates tried for one trajectory at the most")] = 1000
 

@@ -1,0 +1,23 @@
+"""What a closed loop is composed of."""
+
+from dataclasses import dataclass
+
+from fzcli.control.law import Law
+from fzcli.loop.plant import Plant
+from fzcli.model import RobotModel
+from fzcli.plan.reference import BaseReference, TipReference
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts, each under its own contract; ``drifting``: the system starts with momentum."""
+
+    model: RobotModel
+    law: Law
+    plant: Plant
+    reference: TipReference
+    base_reference: BaseReference
+    tip: str | None
+    dt: float
+    method: str
+    drifting: bool
