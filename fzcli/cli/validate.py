@@ -79,12 +79,15 @@ def _check_simulation(document: "Document") -> None:
 
 
 def _check_sweep(document: "Document") -> None:
+    from fzcli.record.table import check_names
     from fzcli.sweep.builds import Builds
     from fzcli.sweep.execute import table_spec
     from fzcli.sweep.resolve import resolve
 
     sweep = resolve(document)
-    table_spec(sweep)
     builds = Builds()
-    for spec in (*sweep.specs, *([sweep.filter] if sweep.filter else [])):
-        builds.of(spec)
+    found = [builds.of(spec) for spec in (*sweep.specs, *([sweep.filter] if sweep.filter else []))]
+    table = table_spec(sweep)
+    if table is not None:
+        names = dict.fromkeys(metric.name for build in found for metric in build.loop.metrics)
+        check_names(sweep.changes, [*names, "n_steps"], table)

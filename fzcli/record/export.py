@@ -123,11 +123,8 @@ def _aliases(file: h5py.File) -> list[str]:
 
 def _find(file: h5py.File, name: str) -> _Collector | None:
     collector = _Collector()
-    if file.attrs["fzcli_kind"] == "sweep":
-        done = _sweep(file, name, collector)
-    else:
-        done = _rollout(file, name, collector)
-    return collector if done else None
+    search = _sweep if file.attrs["fzcli_kind"] == "sweep" else _rollout
+    return collector if search(file, name, collector) else None
 
 
 def _rollout(file: h5py.File, name: str, collector: _Collector) -> bool:

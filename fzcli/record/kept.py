@@ -1,4 +1,7 @@
-"""Several runs in one group (kept runs of a sweep, variants of a run): arrays (kept, time, component), short runs padded with NaN."""
+"""Several runs in one group, kept runs of a sweep or variants of a run: arrays (kept, time, component).
+
+Short runs are padded with NaN.
+"""
 
 from collections.abc import Sequence
 from typing import Any

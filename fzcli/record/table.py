@@ -3,7 +3,7 @@
 import csv
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -85,7 +85,7 @@ def build_table(record: SweepRecord, spec: TableSpec | Mapping[str, Any] | Any) 
         UsageError: the section itself makes no sense.
     """
     spec = TableSpec.of(spec)
-    _check_names(record, spec)
+    check_names(record.configs, record.metrics, spec)
     rows = _values(record, spec.rows)
     columns = _values(record, spec.columns) if spec.columns else ("",)
     metrics = spec.metrics or tuple(
@@ -113,18 +113,24 @@ def build_table(record: SweepRecord, spec: TableSpec | Mapping[str, Any] | Any) 
     )
 
 
-def _check_names(record: SweepRecord, spec: TableSpec) -> None:
-    paths = dict.fromkeys(path for config in record.configs for path in config)
+def check_names(configs: Sequence[Mapping[str, Any]], metrics: Iterable[str], spec: TableSpec) -> None:
+    """Whether a sweep of these configurations and metrics has what the table asks for.
+
+    Raises:
+        RecordError: a row, column or metric that it does not have.
+        UsageError: the rule of lost runs makes no sense.
+    """
+    paths = dict.fromkeys(path for config in configs for path in config)
     for part, name in (("rows", spec.rows), ("columns", spec.columns)):
         if name is not None and name not in paths:
             raise RecordError(f"table: {part}: {name}: the sweep does not vary it{hint(name, paths)}")
-    metrics = [name for name in record.metrics if name not in INDEX_COLUMNS]
+    known = [name for name in metrics if name not in INDEX_COLUMNS]
     wanted = [("show", name) for name in spec.metrics]
     if spec.lost:
         wanted.append(("lost", LostRule.parse(spec.lost).name))
     for part, name in wanted:
-        if name not in metrics:
-            raise RecordError(f"table: {part}: {name}: the sweep has no such metric{hint(name, metrics)}")
+        if name not in known:
+            raise RecordError(f"table: {part}: {name}: the sweep has no such metric{hint(name, known)}")
 
 
 def _plain(value: Any) -> Value:

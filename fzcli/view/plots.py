@@ -22,9 +22,10 @@ RUN_FIGURES = ("run", "comparison")
 def plot(path: Path | str, out: Path | str | None = None, what: str | None = None) -> list[Path]:
     """Draws a result file; gives the paths of the figures, png unless ``out`` has another suffix.
 
-    A run: its "run" figure; with variants, "comparison" (yaw and gains of all). A sweep: "table" (needs a table section), "comparison" (kept runs of one
-    trajectory, yaw and gains), "runs" (each kept run); without ``what`` the first two where they apply,
-    the last where neither does. ``out`` is a file (one figure) or a folder; None is beside ``path``.
+    A run: "comparison" (yaw and gains of all) where it has variants, else "run". A sweep: "table" (needs
+    a table section), "comparison" (kept runs of one trajectory), "runs" (each kept run); without ``what``
+    the first two where they apply, the last where neither does. ``out`` is a file (one figure) or a
+    folder; None is beside ``path``.
 
     Raises:
         RecordError: the file cannot be read, or has nothing to draw as ``what``.

@@ -33,7 +33,7 @@ def test_the_tuner_uses_the_gain_of_the_step_before() -> None:
 
 
 def test_a_gain_far_too_high_falls_and_never_below_zero() -> None:
-    rollout = simulate(run_spec(controller__kind="fuzzy_clik", controller__gain=60000.0, duration=6.0))
+    rollout = simulate(run_spec(controller__kind="fuzzy_clik", controller__gain=40000.0, duration=10.0))
     assert rollout.signals["oscillating_joints"].max() > 0
     assert (rollout.signals["gain"] == 0.0).any()
     _check_tuner(rollout, {"yaw": ""})
@@ -76,34 +76,51 @@ def test_the_gain_lowers_the_yaw_and_leaves_the_tip() -> None:
     free, held = (
         simulate(run_spec(controller__kind=kind, controller__gain=100.0)) for kind in ("unconstrained", "clik")
     )
-    assert held.metrics["yaw_abs_mean"] < 0.5 * free.metrics["yaw_abs_mean"]
+    assert held.metrics["yaw_abs_mean"] < 0.8 * free.metrics["yaw_abs_mean"]
     assert held.metrics["tip_error_max"] < 1e-4
 
 
-@pytest.mark.parametrize("constraint", ["yaw", "rotation_vector"])
-def test_a_turn_of_the_base_is_followed(constraint: str) -> None:
-    """The planar arm can hold its tip or turn its base; a six-joint arm does both: tip held, base led."""
-    turn = {"kind": "turn", "angles": [0.0, 0.0, 0.02], "duration": 8.0}
-    spec = run_spec(
-        robot="ur5_free_flyer",
-        start__q=[0.3, -1.2, 1.4, -0.8, 0.9, 0.2],
-        reference={"kind": "hold"},
-        duration=12.0,
-        controller__constraint=[constraint],
-        controller__gain=2000.0,
-        base_reference=turn,
+UR5 = {"robot": "ur5_free_flyer", "start__q": [0.3, -1.2, 1.4, -0.8, 0.9, 0.2], "reference": {"kind": "hold"}}
+TURN = {"kind": "turn", "angles": [0.0, 0.0, 0.02], "duration": 8.0}
+
+
+def _turned(constraint: str, gain: float) -> Rollout:
+    return simulate(
+        run_spec(
+            **UR5,
+            duration=12.0,
+            controller__constraint=[constraint],
+            controller__gain=gain,
+            base_reference=TURN,
+        )
     )
-    rollout = simulate(spec)
-    assert rollout.metrics["tip_error_max"] < 1e-4
-    yaw = 2 * rollout.base_quat[:, 3]
+
+
+def test_a_turn_of_the_base_is_followed_while_the_tip_stays() -> None:
+    rollout = _turned("yaw", 50_000.0)
     law = np.clip(rollout.time / 8.0, 0, 1)
     wanted = 0.02 * (10 * law**3 - 15 * law**4 + 6 * law**5)
-    assert np.abs(yaw - wanted).max() < 2e-3
-    assert yaw[-1] == pytest.approx(0.02, abs=5e-4)
-    held = simulate(run_spec(
-        robot="ur5_free_flyer", start__q=[0.3, -1.2, 1.4, -0.8, 0.9, 0.2], reference={"kind": "hold"}, duration=1.0
-    ))  # fmt: skip
-    np.testing.assert_array_equal(held.qd, 0.0)
+    np.testing.assert_allclose(rollout.signals["yaw"] + rollout.signals["yaw_error"], wanted, atol=1e-12)
+    assert np.abs(rollout.signals["yaw_error"]).max() < 2e-3
+    assert abs(rollout.signals["yaw_error"][-1]) < 1e-5
+    assert rollout.metrics["tip_error_max"] < 1e-4
+    softer = _turned("yaw", 2000.0)
+    assert np.abs(softer.signals["yaw_error"]).max() > 2 * np.abs(rollout.signals["yaw_error"]).max()
+
+
+def test_a_turn_of_the_whole_attitude_is_approached() -> None:
+    """Three axes by three joints to spare: towards the reference, the tip in its place."""
+    rollout = _turned("rotation_vector", 5000.0)
+    errors = np.stack([rollout.signals[f"rotation_{axis}_error"] for axis in "xyz"], axis=1)
+    assert np.linalg.norm(errors[-1]) < 0.8 * 0.02
+    assert rollout.signals["rotation_z"][-1] > 0.004
+    assert rollout.metrics["tip_error_max"] < 1e-4
+
+
+def test_nothing_moves_without_a_reason() -> None:
+    held = simulate(run_spec(**UR5, duration=1.0))
+    assert np.abs(held.qd).max() < 1e-12
+    assert held.status.name == "ok"
 
 
 def test_drift_is_taken_off_before_the_inversion() -> None:
@@ -120,8 +137,8 @@ def test_drift_is_taken_off_before_the_inversion() -> None:
 @pytest.mark.parametrize("task", ["position", "orientation", "pose"])
 def test_every_task_follows_its_reference(task: str) -> None:
     spec = run_spec(
-        robot="ur5_free_flyer",
-        start__q=[0.3, -1.2, 1.4, -0.8, 0.9, 0.2],
+        robot=UR5["robot"],
+        start__q=UR5["start__q"],
         reference__length=0.1,
         reference__turn=[0.2, -0.1, 0.3],
         controller__task=task,

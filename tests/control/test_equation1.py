@@ -30,9 +30,7 @@ CONSTRAINTS = [
     ("rotation_vector",),
 ]
 SEVEN = next(  # a floating tree of seven joints or more
-    seed
-    for seed in range(100)
-    if random_robot(seed).base.floating and NumpyReference(random_robot(seed)).n >= 7
+    seed for seed in range(100) if random_robot(seed).base.floating and NumpyReference(random_robot(seed)).n >= 7
 )
 ROBOTS = {"bulgarelli4": load_robot("bulgarelli4"), "ur5": load_robot("ur5_free_flyer"), "tree": random_robot(SEVEN)}
 
@@ -78,9 +76,7 @@ def _constraint(x: dict[str, Array], W: Array, drift: Array, names: tuple[str, .
     return error, E @ W, x["base_rates"][picked] - E @ drift
 
 
-def equation1(
-    oracle: NumpyReference, x: dict[str, Array], task: str, names: tuple[str, ...], gain: Array
-) -> Array:
+def equation1(oracle: NumpyReference, x: dict[str, Array], task: str, names: tuple[str, ...], gain: Array) -> Array:
     """qd = J+ (Kp e + xd_d) + (E - J+ J) Jc^T (Kc ec + rate), momentum's drift taken off."""
     q, quat = x["q"], x["base_quat"]
     position, rotation = oracle.forward_kinematics(q, quat)

@@ -71,7 +71,5 @@ def random_parameters(loop: ClosedLoop, count: int, seed: int, gain: float = 10.
             "controller.kp": 3.2,
             "controller.gain": gain,
         }
-        rows.append(
-            np.concatenate([np.broadcast_to(known.get(p.path, 0.0), p.size) for p in loop.parameters])
-        )
+        rows.append(np.concatenate([np.broadcast_to(known.get(p.path, 0.0), p.size) for p in loop.parameters]))
     return np.array(rows)

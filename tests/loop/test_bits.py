@@ -78,9 +78,13 @@ def test_lanes(kind: str, lanes: int) -> None:
     _assert_same(CompiledEngine(loop, lanes=lanes).run(rows, steps), _expected(kind))
 
 
-@pytest.mark.parametrize("isa", ISAS)
-@pytest.mark.parametrize("lanes", [1, 4, 8])
+@pytest.mark.parametrize(
+    ("isa", "lanes"),
+    [("baseline", 4), ("baseline", 8), ("avx2", 1), ("avx2", 4), ("avx2", 8), ("avx512", 4), ("avx512", 8)],
+)
 def test_instruction_sets(isa: str, lanes: int) -> None:
+    if isa not in ISAS:
+        pytest.skip(f"this host does not run {isa}")
     _, loop, rows, steps = _case("fuzzy_clik")
     _assert_same(CompiledEngine(loop, lanes=lanes, isa=isa).run(rows, steps), _expected("fuzzy_clik"))
 

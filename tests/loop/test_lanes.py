@@ -1,7 +1,7 @@
 """Every operation of the lanes against numpy's, through tiny Functions printed as C."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from typing import Any
 
@@ -36,22 +36,27 @@ UNIT = np.concatenate([rng.uniform(-1, 1, 4000), 1 - 10.0 ** rng.uniform(-16, 0,
 
 
 def evaluate(function: Callable[..., ca.SX], columns: list[Array], lanes: int) -> Array:
-    """The printed function at every entry of the columns, ``lanes`` at a time."""
+    """The printed scalar function at every entry of the columns, ``lanes`` at a time."""
+    return evaluate_all([function], columns, lanes)[0]
+
+
+def evaluate_all(functions: Sequence[Callable[..., ca.SX]], columns: list[Array], lanes: int) -> Array:
+    """(functions, entries): several functions of the same columns, printed and compiled as one."""
     x = ca.SX.sym("x", len(columns))
-    f = ca.Function("f", [x], [ca.densify(function(*ca.vertsplit(x)))])
+    f = ca.Function("f", [x], [ca.densify(ca.vertcat(*(function(*ca.vertsplit(x)) for function in functions)))])
     source = (files("fzcli.loop") / "c" / "lanes.h").read_text() + print_function(f, "tested") + CALL
     compiler = find_compiler()
     assert compiler is not None
     library = build_library(source, lanes, compiler, host_isa())
     count = len(columns[0])
-    results = np.empty(count)
-    given, made = aligned(len(columns), lanes), aligned(1, lanes)
+    results = np.empty((len(functions), count))
+    given, made = aligned(len(columns), lanes), aligned(len(functions), lanes)
     for first in range(0, count, lanes):
         at = np.minimum(np.arange(first, first + lanes), count - 1)
         given[:] = [column[at] for column in columns]
         library.call(ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(made.ctypes.data))
         width = min(lanes, count - first)
-        results[first : first + width] = made[0, :width]
+        results[:, first : first + width] = made[:, :width]
     return results
 
 
@@ -100,13 +105,11 @@ def test_arc_tangent_of_two(lanes: int) -> None:
 @needs_compiler
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_inverse_functions(lanes: int) -> None:
-    for name, points in (("atan", WIDE), ("asin", UNIT), ("acos", UNIT)):
-        reference = {"atan": np.arctan, "asin": np.arcsin, "acos": np.arccos}[name]
-        result = evaluate(getattr(ca, name), [points], lanes)
-        bound = 3 if name == "atan" else 8
-        assert ulps(result, reference(points)).max() <= bound, name
-    assert np.isnan(evaluate(ca.asin, [np.array([1.5, -1.5])], lanes)).all()
-    assert np.isnan(evaluate(ca.acos, [np.array([1.5, -1.5])], lanes)).all()
+    assert ulps(evaluate(ca.atan, [WIDE], lanes), np.arctan(WIDE)).max() <= 3
+    sine, cosine = evaluate_all([ca.asin, ca.acos], [np.append(UNIT, [1.5, -1.5])], lanes)
+    assert ulps(sine[:-2], np.arcsin(UNIT)).max() <= 8
+    assert ulps(cosine[:-2], np.arccos(UNIT)).max() <= 8
+    assert np.isnan([sine[-2:], cosine[-2:]]).all()
 
 
 @needs_compiler
@@ -121,12 +124,15 @@ def test_exponential(lanes: int) -> None:
 @needs_compiler
 @pytest.mark.parametrize("lanes", [1, 2, 4, 8])
 def test_exact_functions(lanes: int) -> None:
-    halves = np.concatenate([np.arange(-20, 20) / 2, rng.normal(size=500) * 10.0 ** rng.uniform(-3, 14, 500), 2.0**52 + np.arange(20)])
+    halves = np.concatenate(
+        [np.arange(-20, 20) / 2, rng.normal(size=500) * 10.0 ** rng.uniform(-3, 14, 500), 2.0**52 + np.arange(20)]
+    )
     points = np.concatenate([halves, SPECIAL])
-    for name in ("floor", "ceil", "fabs", "sqrt"):
+    names = ("floor", "ceil", "fabs", "sqrt")
+    for name, result in zip(names, evaluate_all([getattr(ca, name) for name in names], [points], lanes), strict=True):
         with np.errstate(invalid="ignore"):
             expected = getattr(np, name)(points)
-        np.testing.assert_array_equal(evaluate(getattr(ca, name), [points], lanes), expected, err_msg=name)
+        np.testing.assert_array_equal(result, expected, err_msg=name)
     numbers = points[~np.isnan(points)]
     np.testing.assert_array_equal(evaluate(ca.sign, [numbers], lanes), np.sign(numbers))
 
@@ -148,10 +154,11 @@ def test_arithmetic_and_choices(lanes: int) -> None:
         ),
         "count": (lambda x, y: (x < y) + (x == y) + (x != y), lambda x, y: 1.0 * (x < y) + (x == y) + (x != y)),
     }
-    for name, (symbolic, numeric) in cases.items():
+    results = evaluate_all([symbolic for symbolic, _ in cases.values()], [a, b], lanes)
+    for (name, (_, numeric)), result in zip(cases.items(), results, strict=True):
         with np.errstate(all="ignore"):
             expected = numeric(a, b)
-        np.testing.assert_array_equal(evaluate(symbolic, [a, b], lanes), expected, err_msg=name)
+        np.testing.assert_array_equal(result, expected, err_msg=name)
 
 
 @needs_compiler
@@ -159,8 +166,9 @@ def test_arithmetic_and_choices(lanes: int) -> None:
 def test_least_and_most_of_numbers(lanes: int) -> None:
     numbers = SPECIAL[~np.isnan(SPECIAL)]
     a, b = (v.ravel() for v in np.meshgrid(numbers, numbers))
-    np.testing.assert_array_equal(evaluate(ca.fmin, [a, b], lanes), np.fmin(a, b))
-    np.testing.assert_array_equal(evaluate(ca.fmax, [a, b], lanes), np.fmax(a, b))
+    least, most = evaluate_all([ca.fmin, ca.fmax], [a, b], lanes)
+    np.testing.assert_array_equal(least, np.fmin(a, b))
+    np.testing.assert_array_equal(most, np.fmax(a, b))
 
 
 @needs_compiler
@@ -168,16 +176,16 @@ def test_least_and_most_of_numbers(lanes: int) -> None:
 def test_a_nan_shows_in_a_running_maximum(lanes: int) -> None:
     """The newest value, the second operand, is not hidden when it is not a number; the next one replaces it."""
     a, b = np.array([np.nan, 1.0, np.nan]), np.array([1.0, np.nan, np.nan])
-    for operation in (ca.fmin, ca.fmax):
-        np.testing.assert_array_equal(evaluate(operation, [a, b], lanes), [1.0, np.nan, np.nan])
+    for result in evaluate_all([ca.fmin, ca.fmax], [a, b], lanes):
+        np.testing.assert_array_equal(result, [1.0, np.nan, np.nan])
 
 
 @needs_compiler
 @pytest.mark.parametrize("lanes", [1, 8])
 def test_constants_are_printed_to_the_bit(lanes: int) -> None:
     values = [0.0, 1.0, -2.5, 0.1, TINY, 1.7976931348623157e308, 1e-8, -1e300, np.inf, -np.inf, np.nan]
-    given = [evaluate(lambda x, v=v: ca.if_else(x > 0, v, 7.0), [np.ones(1)], lanes)[0] for v in values]
-    np.testing.assert_array_equal(given, values)
+    given = evaluate_all([lambda x, v=v: ca.if_else(x > 0, v, 7.0) for v in values], [np.ones(1)], lanes)
+    np.testing.assert_array_equal(given[:, 0], values)
     assert all(np.float64(v).hex() in constant(v) for v in (0.1, -2.5, TINY))
 
 

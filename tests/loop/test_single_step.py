@@ -45,9 +45,7 @@ def _agreement(loop: ClosedLoop, inputs: list[Array], expected: list[Array]) -> 
         moved = by_machine(loop.step, [shaken, *inputs[1:]])
         sensitivity = np.maximum(sensitivity, worst_relative(moved, expected))
     tight, calm = error <= 1e-12, sensitivity <= 2e-13
-    return Agreement(
-        tight.mean(), (tight | (error <= 16 * sensitivity)).mean(), tight[calm].mean(), calm.mean()
-    )
+    return Agreement(tight.mean(), (tight | (error <= 16 * sensitivity)).mean(), tight[calm].mean(), calm.mean())
 
 
 def _inputs(loop: ClosedLoop, parameters: Array, count: int) -> list[Array]:
