@@ -10,7 +10,7 @@ from fzcli.loop.parts import Parts
 from fzcli.loop.reductions import Accumulators
 from fzcli.loop.stops import stop_code
 from fzcli.model.algebra import rotate
-from fzcli.model.attitude import multiply, quaternion_from_matrix, roll_pitch_yaw, rotation_matrix
+from fzcli.model.attitude import multiply, quaternion_from_matrix, rotation_matrix, starting_angles
 from fzcli.spec.quantity import Metric, Parameter, Signal
 
 XYZ, WXYZ = ("x", "y", "z"), ("w", "x", "y", "z")
@@ -160,7 +160,7 @@ def _initial_expressions(parts: Parts, layout: _Layout) -> tuple[ca.SX, ca.SX, d
     cut = {
         "reference": parts.reference.prepare(layout.of_part(parts.reference.parameters), *start),
         "base_reference": parts.base_reference.prepare(
-            layout.of_part(parts.base_reference.parameters), roll_pitch_yaw(R)
+            layout.of_part(parts.base_reference.parameters), starting_angles(R)
         ),
         "law": law_values,
         "com": com,

@@ -98,9 +98,9 @@ def host_isa() -> str:
 
 
 def cache_folder() -> Path:
-    """Where compiled steps are kept: $FZCLI_CACHE_DIR, or fzcli under the user's cache folder; mode 0700.
+    """Where compiled steps are kept: $FZCLI_CACHE_DIR, or fzcli under the user's cache folder; made with mode 0700.
 
-    Raises EngineError when the folder belongs to somebody else: its code would be run.
+    Raises EngineError when somebody else owns the folder or may write to it: its code would be run.
     """
     asked = os.environ.get("FZCLI_CACHE_DIR")
     if asked:
@@ -116,8 +116,8 @@ def cache_folder() -> Path:
         found = folder.stat()
         if found.st_uid != os.getuid():
             raise EngineError(f"{folder}: the cache belongs to another user; set FZCLI_CACHE_DIR")
-        if found.st_mode & 0o077:
-            folder.chmod(0o700)
+        if found.st_mode & 0o022:
+            raise EngineError(f"{folder}: others may write to the cache; chmod go-w it or set FZCLI_CACHE_DIR")
     return folder
 
 

@@ -37,12 +37,13 @@ def constant(value: float) -> str:
     return f"K({float(value).hex()})"
 
 
-def print_function(function: ca.Function, name: str) -> str:
+def print_function(function: ca.Function, name: str, once: bool = False) -> str:
     """The C text of a static function ``name``(const V *in..., V *out...), one pointer an argument.
 
+    ``once``: a run calls it once, so that it is compiled quickly rather than for speed.
     Outputs must be dense. Raises EngineError for an operation that the lanes do not know.
     """
-    return _Printer(function, name).text()
+    return ("ONCE " if once else "") + _Printer(function, name).text()
 
 
 def _divisions_by(function: ca.Function) -> Counter[int]:

@@ -116,6 +116,8 @@ class SimulateRun(SpecModel):
     @model_validator(mode="after")
     def _fits_the_robot(self) -> "SimulateRun":
         check_joints(self.robot, self.start)
+        if self.start.drifting and not self.robot.base.floating:
+            raise ValueError("start.momentum: a robot on a fixed base has no momentum of its own")
         tip = getattr(self.controller, "tip", None)
         if tip is not None and tip not in self.robot.tips:
             raise ValueError(f"controller.tip: the robot has no tip {tip!r}; it has {', '.join(self.robot.tips)}")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fzcli.errors import Problem, SpecError
 from fzcli.loop.assemble import closed_loop, finite_or_nan, parameter_row, step_counts
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.engine import Batch, Engine, make_engine
@@ -55,7 +56,14 @@ def variants_of(document: Document, spec: SimulateRun, sets: Sequence[str] = ())
 def variant(document: Document, changes: dict[str, Any]) -> Document:
     """The document with fields changed; where the controller's kind changes, fields it lacks are dropped."""
     changed = overlaid(without(document, ["compare"]), changes)
-    return fitted(changed)
+    fit = fitted(changed)
+    kept = fit.value.get("controller")
+    lost = [path for path in changes if path.startswith("controller.") and path.split(".")[1] not in (kept or {})]
+    if isinstance(kept, dict) and lost:
+        known = ", ".join(f"controller.{key}" for key in kept)
+        text = f"{kept.get('kind')!r} has no such field; it has {known}"
+        raise SpecError([Problem(text, path, document.file) for path in lost])
+    return fit
 
 
 def fitted(document: Document) -> Document:

@@ -2,8 +2,6 @@
 
 from importlib.resources import files
 
-import casadi as ca
-
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.printer import print_function
 
@@ -20,11 +18,12 @@ def c_source(loop: ClosedLoop) -> str:
         "N_METRICS": loop.finish.size1_out("metrics"),
         "HISTORY_LENGTH": loop.history_length,
     }
-    functions: list[ca.Function] = [loop.initial, loop.step, loop.finish]
     return "\n".join(
         [
             (here / "lanes.h").read_text(encoding="ascii"),
-            *(print_function(function, f"fzcli_{function.name()}") for function in functions),
+            print_function(loop.initial, "fzcli_initial", once=True),
+            print_function(loop.step, "fzcli_closed_loop_step"),
+            print_function(loop.finish, "fzcli_finish", once=True),
             *(f"#define {name} {value}" for name, value in sizes.items()),
             (here / "driver.h").read_text(encoding="ascii"),
         ]

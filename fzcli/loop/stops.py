@@ -43,5 +43,5 @@ def stop_code(parts: Parts, plant_state: ca.SX, derivative: ca.SX) -> ca.SX:
     if parts.law.angles and parts.model.floating:
         R = rotation_matrix(parts.plant.observe(plant_state)[1])
         cosine2 = R[2, 1] * R[2, 1] + R[2, 2] * R[2, 2]
-        code = code + ca.if_else(cosine2 < NEAREST_PITCH, 2.0, 0.0)
+        code = ca.if_else(cosine2 < NEAREST_PITCH, 2.0, code)  # the cause, where both hold
     return code

@@ -90,35 +90,29 @@ def null_space_projector(J: ca.SX, damping: float) -> ca.SX:
     return ca.SX.eye(J.shape[1]) - ca.mtimes(damped_pseudo_inverse(J, damping), J)
 
 
-def smallest_singular_value(J: ca.SX, iterations: int = 12) -> ca.SX:
-    """The smallest of the min(m, n) singular values of J (m, n); for J of full rank to about 1e-8.
+def smallest_singular_value(J: ca.SX, sweeps: int = 5) -> ca.SX:
+    """The smallest of the min(m, n) singular values of J (m, n), to rounding.
 
-    Laguerre's method from 0 on the characteristic polynomial of the smaller Gram matrix: all roots
-    are real and not negative, so that the iterates rise monotonically to the smallest.
+    One-sided Jacobi (Hestenes): pairs of the shorter side's vectors are turned until all are
+    orthogonal; their lengths are the singular values, equal ones and small ones alike.
     """
-    A = gram(J) if J.shape[0] <= J.shape[1] else gram(J.T)
-    degree = A.shape[0]
-    coefficients = _characteristic_polynomial(A)
-    root = ca.SX(0)
-    for _ in range(iterations):
-        value, first, second = ca.SX(1), ca.SX(0), ca.SX(0)
-        for coefficient in coefficients:
-            second = second * root + first
-            first = first * root + value
-            value = value * root + coefficient
-        spread = (degree - 1) * ((degree - 1) * first * first - degree * value * 2 * second)
-        size = ca.fabs(first) + ca.sqrt(ca.fmax(spread, 0))
-        root = root + ca.if_else(size > 0, degree * ca.fabs(value) / ca.fmax(size, 1e-300), 0)
-    return ca.sqrt(ca.fmax(root, 0))
+    short = J if J.shape[0] <= J.shape[1] else J.T
+    rows = [short[i, :].T for i in range(short.shape[0])]
+    for _ in range(sweeps):
+        for i in range(len(rows)):
+            for j in range(i + 1, len(rows)):
+                rows[i], rows[j] = _orthogonal(rows[i], rows[j])
+    smallest = dot(rows[0], rows[0])
+    for row in rows[1:]:
+        smallest = ca.fmin(smallest, dot(row, row))
+    return ca.sqrt(smallest)
 
 
-def _characteristic_polynomial(A: ca.SX) -> list[ca.SX]:
-    """Coefficients c_1..c_m of x^m + c_1 x^(m-1) + ... by Faddeev and LeVerrier."""
-    m = A.shape[0]
-    coefficients: list[ca.SX] = []
-    product = ca.SX.eye(m)
-    for k in range(1, m + 1):
-        image = ca.mtimes(A, product)
-        coefficients.append(-ca.trace(image) / k)
-        product = image + coefficients[-1] * ca.SX.eye(m)
-    return coefficients
+def _orthogonal(a: ca.SX, b: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Two vectors turned in their own plane by at most 45 deg, so that they stand at right angles."""
+    both, apart = 2 * dot(a, b), dot(b, b) - dot(a, a)
+    size = ca.fabs(apart) + ca.sqrt(apart * apart + both * both)
+    tangent = ca.if_else(apart < 0, -both, both) / ca.fmax(size, 1e-300)
+    c = 1 / ca.sqrt(1 + tangent * tangent)
+    s = c * tangent
+    return c * a - s * b, s * a + c * b

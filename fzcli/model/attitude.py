@@ -91,6 +91,13 @@ def roll_pitch_yaw(R: ca.SX) -> ca.SX:
     )
 
 
+def starting_angles(R: ca.SX) -> ca.SX:
+    """As `roll_pitch_yaw`, and at pitch +-90 deg, where only a sum of roll and yaw counts, with yaw 0."""
+    cosine = ca.sqrt(R[0, 0] * R[0, 0] + R[1, 0] * R[1, 0])
+    locked = ca.vertcat(ca.atan2(-R[1, 2], R[1, 1]), ca.atan2(-R[2, 0], cosine), 0)
+    return ca.if_else(cosine < 1e-8, locked, roll_pitch_yaw(R))
+
+
 def angle_rate_rows(R: ca.SX) -> ca.SX:
     """E (3, 3) with (roll, pitch, yaw) rates = E w, w the angular velocity in BODY axes.
 

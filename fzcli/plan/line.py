@@ -29,8 +29,10 @@ class LineSpec(SpecModel):
     @field_validator("direction")
     @classmethod
     def _not_zero(cls, value: tuple[float, float, float]) -> tuple[float, float, float]:
-        if sum(part * part for part in value) == 0:
+        if not any(value):
             raise ValueError("a direction of zero length points nowhere")
+        if not 1e-100 < sum(part * part for part in value) < 1e100:
+            raise ValueError("the direction's length must lie between 1e-50 and 1e50")
         return value
 
 

@@ -78,16 +78,25 @@ def _key(dump: Mapping[str, Any], paths: Sequence[str], drifting: bool) -> str:
 
 
 def _blanked(value: Any, paths: list[list[str]]) -> Any:
-    """A copy with the values at the paths gone: they do not belong to what is built in."""
+    """A copy with the values at the paths replaced by their shapes: the numbers are not built in."""
     if not isinstance(value, dict):
         return value
-    gone = {path[0] for path in paths if len(path) == 1} | ({"base_rpy"} if ["base_quat"] in paths else set())
-    below = {
-        name: _blanked(child, [path[1:] for path in paths if len(path) > 1 and path[0] == name])
+    ours = {path[0] for path in paths if len(path) == 1}
+    gone = {"base_rpy"} if ["base_quat"] in paths else set()
+    return {
+        name: _shape(child)
+        if name in ours
+        else _blanked(child, [path[1:] for path in paths if len(path) > 1 and path[0] == name])
         for name, child in value.items()
         if name not in gone
     }
-    return below
+
+
+def _shape(value: Any) -> Any:
+    """How many numbers stand there, and in what order: how many waypoints there are is built in."""
+    if isinstance(value, list | tuple):
+        return [_shape(item) for item in value]
+    return None if value is None else 0
 
 
 def rows_of(
@@ -98,6 +107,7 @@ def rows_of(
     Drawn fields that are run-time parameters only fill columns. Any other field means a build of its
     own for each of its values.
     """
+    draws, drawn = _of_this(spec, draws, drawn)
     build = builds.of(spec)
     places = _columns(build.loop)
     if all(one.path in places for one in draws):
@@ -120,6 +130,20 @@ def rows_of(
         Rows(own, np.array(members), np.array(table_rows), np.array(steps))
         for own, members, table_rows, steps in found.values()
     ]
+
+
+def _of_this(spec: SimulateRun, draws: Sequence[Drawn], drawn: Array) -> tuple[Sequence[Drawn], Array]:
+    """The draws, and their columns, whose fields this run has: its controller may be of another kind."""
+    mine = []
+    for one in draws:
+        try:
+            spec.value_at(one.path)
+        except KeyError:
+            continue
+        mine.append(one)
+    parts = split(draws, drawn.T)
+    columns = [parts[one.path] for one in mine]
+    return mine, np.concatenate(columns).T if columns else np.zeros((len(drawn), 0))
 
 
 def split(draws: Sequence[Drawn], values: Array) -> dict[str, Array]:

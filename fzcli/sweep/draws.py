@@ -1,5 +1,6 @@
 """Random trajectories: one generator a trajectory, so that any run can be found by its index alone."""
 
+import decimal
 import math
 from collections.abc import Sequence
 
@@ -21,6 +22,13 @@ def candidate(draws: Sequence[Drawn], random: np.random.Generator) -> Array:
     return np.concatenate([_draw(one, random) for one in draws]) if draws else np.zeros(0)
 
 
+def _between(low: float, high: float, share: float) -> float:
+    """low (high / low)^share in decimals: a power by NumPy or libm differs from processor to processor."""
+    with decimal.localcontext(decimal.Context(prec=30)):
+        first, last = decimal.Decimal(float(low)), decimal.Decimal(float(high))
+        return float(first * (last / first) ** decimal.Decimal(float(share)))
+
+
 def _draw(one: Drawn, random: np.random.Generator) -> Array:
     if one.distribution == "choice" and one.choices is not None:
         return np.asarray(one.choices[random.integers(len(one.choices))])
@@ -34,5 +42,5 @@ def _draw(one: Drawn, random: np.random.Generator) -> Array:
         return np.asarray(one.low + one.high * random.standard_normal(one.size))
     share = random.random(one.size)
     if one.distribution == "log_uniform":
-        return np.asarray(one.low * (one.high / one.low) ** share)
+        return np.array([_between(*ends) for ends in zip(one.low, one.high, share, strict=True)])
     return np.asarray(one.low + (one.high - one.low) * share)

@@ -8,17 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fzcli.errors import Problem, SpecError
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.rollout import Provenance, Rollout
+from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.simulate import provenance, rollouts
 from fzcli.loop.verdict import BOUNDED, status_codes
 from fzcli.record.sweep_file import write_sweep
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table_spec import TableSpec
 from fzcli.spec.library import find, shipped_root
+from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.reader import read
-from fzcli.sweep.builds import Builds, Rows, rows_of, split
+from fzcli.sweep.builds import Build, Builds, Rows, rows_of, split
 from fzcli.sweep.resolve import Sweep, resolve
 from fzcli.sweep.trajectories import Drawing, draw_trajectories
 
@@ -54,7 +57,7 @@ def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, a
     tell = tell or _silent
     builds = Builds()
     for spec in [*sweep.specs, *([sweep.filter] if sweep.filter else [])]:
-        builds.of(spec)
+        _check_rank(spec, builds.of(spec))
     tell("compiling", 0, 1)
     builds.compile(record=False, jobs=jobs)
     drawing = draw_trajectories(sweep, builds, jobs, tell)
@@ -80,6 +83,13 @@ def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, a
     )
 
 
+def _check_rank(spec: SimulateRun, build: Build) -> None:
+    names = [metric.name for metric in build.loop.metrics]
+    if "rank_by" in spec.record.model_fields_set and spec.record.rank_by not in names:
+        text = f"no metric {spec.record.rank_by!r}{hint(spec.record.rank_by, names)}"
+        raise SpecError(Problem(text, field="record.rank_by"))
+
+
 def _silent(what: str, done: int, total: int) -> None:
     """Nobody listens."""
 
@@ -97,10 +107,13 @@ def _roll_out(sweep: Sweep, every: list[Rows], jobs: int, tell: Tell) -> dict[st
         done += runs
         tell("running", done, total)
 
+    known: list[set[str]] = [set() for _ in range(configs)]
     for build, members in _by_build(every):
         runs = np.concatenate([rows.runs for rows in members])
         parameters = np.concatenate([rows.parameters for rows in members])
         steps = np.concatenate([rows.steps for rows in members])
+        for c in {int(run) // count for run in runs}:
+            known[c] |= {metric.name for metric in build.loop.metrics}
         batch = build.engine(record=False).run(parameters, steps, jobs=jobs, progress=progress)
         for i, metric in enumerate(build.loop.metrics):
             columns[metric.name][runs] = batch.metrics[:, i]
@@ -111,8 +124,7 @@ def _roll_out(sweep: Sweep, every: list[Rows], jobs: int, tell: Tell) -> dict[st
     status = np.zeros(total, dtype=np.int8)
     for c, spec in enumerate(sweep.specs):
         part = slice(c * count, (c + 1) * count)
-        own = {name: columns[name][part] for name in BOUNDED if name in columns}
-        own = {name: values for name, values in own.items() if not np.isnan(values).all() or stops[part].any()}
+        own = {name: columns[name][part] for name in BOUNDED if name in known[c]}
         status[part] = status_codes(own, stops[part], spec.bounds)
     columns["status"] = status
     return columns

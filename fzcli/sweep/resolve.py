@@ -63,9 +63,11 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     check_kind(document, "sweep")
     own = _own_section(document)
     base = overlaid(without(document, OWN_KEYS), {"kind": "simulate"})
+    _check_one_source(document, own)
     configurations = _configurations(document, own)
     kinds = _kinds(base, [*configurations, own.keep_if_changes])
     _check_controller_keys(base, kinds)
+    _check_changed_keys(document, own, kinds)
     low = _sample(document, own, 0)
     specs: list[SimulateRun] = []
     problems: list[Problem] = []
@@ -77,7 +79,11 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     if problems:
         raise SpecError(problems)
     changes = [{path: _plain(value) for path, value in entry.items()} for entry in configurations]
-    draws = _draws(document, own, base, configurations[0], specs[0])
+    draws = tuple(
+        one
+        for path in sorted(own.file.trajectories.draw)
+        for one in _draws(document, own, base, path, *_first_with(path, configurations, specs))
+    )
     keep = None
     if own.keep_if_changes is not None:
         keep = run_of(fitted(overlaid(base, {**low, **own.keep_if_changes})))
@@ -125,6 +131,32 @@ def _configurations(document: Document, own: _OwnSection) -> list[dict[str, Node
     return [{**dict(combination), **entry} for entry in listed for combination in itertools.product(*axes)]
 
 
+def _check_one_source(document: Document, own: _OwnSection) -> None:
+    """A drawn field may be set nowhere else: the draw would win without a word. Nor may a list set an axis."""
+    drawn, axes = list(own.file.trajectories.draw), list(own.file.grid)
+    listed = [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
+    tried = [(("trajectories", "keep_if", "with", path), path) for path in own.keep_if_changes or {}]
+    places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in axes]
+    problems = [
+        document.problem(f"is drawn as well (trajectories.draw: {other}); a field has one source", at, at_key=True)
+        for at, path in [*places, *listed, *tried]
+        for other in drawn
+        if _overlap(path, other)
+    ]
+    problems += [
+        document.problem(f"is an axis of the grid as well ({other}); a field has one source", at, at_key=True)
+        for at, path in listed
+        for other in axes
+        if _overlap(path, other)
+    ]
+    if problems:
+        raise SpecError(problems)
+
+
+def _overlap(one: str, other: str) -> bool:
+    return f"{one}.".startswith(f"{other}.") or f"{other}.".startswith(f"{one}.")
+
+
 def _kinds(base: Document, configurations: Sequence[Mapping[str, Node] | None]) -> set[str]:
     """Controller kinds that occur anywhere in the sweep."""
     written = base.value.get("controller")
@@ -150,6 +182,22 @@ def _check_controller_keys(base: Document, kinds: set[str]) -> None:
         raise SpecError(problems)
 
 
+def _check_changed_keys(document: Document, own: _OwnSection, kinds: set[str]) -> None:
+    """The same for the keys that grid, list and filter change: `fitted` would drop them without a word."""
+    known = {name for kind in kinds for name in controllers()[kind].spec.model_fields}
+    places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in own.file.grid]
+    places += [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
+    places += [(("trajectories", "keep_if", "with", path), path) for path in own.keep_if_changes or {}]
+    problems = []
+    for at, path in places:
+        head, _, key = path.partition(".")
+        key = key.partition(".")[0]
+        if head == "controller" and key and known and key not in known:
+            problems.append(document.problem(f"unknown key{hint(key, known)}", at, at_key=True))
+    if problems:
+        raise SpecError(problems)
+
+
 def _sample(document: Document, own: _OwnSection, which: int) -> dict[str, Node]:
     """A value for every drawn field, out of its distribution's own numbers: entry ``which``."""
     found: dict[str, Node] = {}
@@ -163,16 +211,30 @@ def _sample(document: Document, own: _OwnSection, which: int) -> dict[str, Node]
     return found
 
 
+def _first_with(
+    path: str, configurations: list[dict[str, Node]], specs: list[SimulateRun]
+) -> tuple[dict[str, Node], SimulateRun]:
+    """The first configuration that has the field, else the first of all."""
+    for changes, spec in zip(configurations, specs, strict=True):
+        try:
+            spec.value_at(path)
+        except KeyError:
+            continue
+        return changes, spec
+    return configurations[0], specs[0]
+
+
 def _draws(
-    document: Document, own: _OwnSection, base: Document, first: dict[str, Node], low_spec: SimulateRun
+    document: Document, own: _OwnSection, base: Document, path: str, first: dict[str, Node], low_spec: SimulateRun
 ) -> tuple[Drawn, ...]:
     """Numbers of the distributions in SI, taken from specs in which they stand as the field's value."""
     draws = own.file.trajectories.draw
-    most = max((len(d.numbers) for d in draws.values() if isinstance(d.numbers, list)), default=1)
+    numbers = draws[path].numbers
+    most = len(numbers) if isinstance(numbers, list) else 1
     specs = [low_spec]
     for which in range(1, most):
         specs.append(run_of(fitted(overlaid(base, {**_sample(document, own, which), **first}))))
-    return tuple(_drawn(document, path, draws[path], specs) for path in sorted(draws))
+    return (_drawn(document, path, draws[path], specs),)
 
 
 def _drawn(document: Document, path: str, draw: Draw, specs: list[SimulateRun]) -> Drawn:
@@ -182,6 +244,9 @@ def _drawn(document: Document, path: str, draw: Draw, specs: list[SimulateRun]) 
     except (KeyError, TypeError, ValueError):
         text = "is not a field of numbers; only those can be drawn"
         raise SpecError(document.problem(text, ("trajectories", "draw", path), at_key=True)) from None
+    if isinstance(specs[0].value_at(path), int) and draw.distribution != "choice":
+        text = "is a whole number; draw it by choice"
+        raise SpecError(document.problem(text, ("trajectories", "draw", path), at_key=True))
     if draw.distribution == "choice":
         return Drawn(path, "choice", values[0], values[0], np.array(values))
     if draw.distribution == "sphere":
@@ -215,7 +280,8 @@ def _put(model: Any, steps: list[str], values: Array) -> Any:
     old = getattr(model, name)
     if len(steps) > 1:
         return model.model_copy(update={name: _put(old, steps[1:], values)})
-    new = tuple(float(v) for v in values) if isinstance(old, tuple) else float(values[0])
+    kind = type(old) if isinstance(old, bool | int) else float
+    new = tuple(float(v) for v in values) if isinstance(old, tuple) else kind(values[0])
     return model.model_copy(update={name: new})
 
 

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import ValidationError
 
 from fzcli.errors import FzcliError
 from fzcli.loop.engine import Batch
-from fzcli.sweep.builds import Builds, rows_of
+from fzcli.loop.run_spec import SimulateRun
+from fzcli.sweep.builds import Builds, rows_of, split
 from fzcli.sweep.draws import candidate, generator
-from fzcli.sweep.resolve import Sweep
+from fzcli.sweep.resolve import Sweep, with_values
 from fzcli.sweep.sweep_spec import Condition
 
 Array = NDArray[np.float64]
@@ -43,6 +45,7 @@ def draw_trajectories(
     if sweep.filter is None or plan.keep_if is None:
         for i, random in enumerate(generators):
             values[i] = candidate(sweep.draws, random)
+            _check(sweep, values[i], indices[i])
         return Drawing(values, plan.count)
     conditions = [Condition.of(text) for text in plan.keep_if.that]
     waiting = np.arange(plan.count)
@@ -50,6 +53,7 @@ def draw_trajectories(
     for _ in range(plan.keep_if.most):
         for place in waiting:
             values[place] = candidate(sweep.draws, generators[place])
+            _check(sweep, values[place], indices[int(place)])
         tried += len(waiting)
         passed = _pass(sweep, builds, values[waiting], conditions, jobs)
         waiting = waiting[~passed]
@@ -60,6 +64,44 @@ def draw_trajectories(
         f"trajectories.keep_if: trajectory {plan.first + int(waiting[0])} passed none of {plan.keep_if.most} "
         f"candidates ({plan.count - len(waiting)} of {plan.count} trajectories found); loosen the conditions"
     )
+
+
+def _check(sweep: Sweep, values: Array, index: int) -> None:
+    """A normal distribution has no ends that could be checked beforehand, so that its numbers are.
+
+    Raises FilterError for a number that the field could not have in a file.
+    """
+    parts = split(sweep.draws, values)
+    for one in sweep.draws:
+        section, _, rest = one.path.partition(".")
+        spec = next((spec for spec in sweep.specs if _has(spec, one.path)), None)
+        if one.distribution != "normal" or spec is None:
+            continue
+        changed = with_values(spec, {one.path: parts[one.path]})
+        try:
+            if rest:
+                part = getattr(changed, section)
+                type(part).model_validate(part.model_dump())
+            else:
+                type(changed).model_validate(changed.model_dump(include={section}) | _rest(changed, section))
+        except ValidationError as error:
+            text = error.errors()[0]["msg"]
+            numbers = ", ".join(f"{value:.6g}" for value in parts[one.path])
+            raise FilterError(
+                f"trajectories.draw.{one.path}: trajectory {index} drew {numbers}: {text}; draw it uniformly"
+            ) from None
+
+
+def _rest(spec: SimulateRun, section: str) -> dict[str, object]:
+    return {name: getattr(spec, name) for name in type(spec).model_fields if name != section}
+
+
+def _has(spec: SimulateRun, path: str) -> bool:
+    try:
+        spec.value_at(path)
+    except KeyError:
+        return False
+    return True
 
 
 def _pass(

@@ -1,5 +1,7 @@
 """The laws' joint rates against equation 1 written down in NumPy, world axes, with numpy's own solver."""
 
+from functools import cache
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -33,6 +35,11 @@ SEVEN = next(  # a floating tree of seven joints or more
     seed for seed in range(100) if random_robot(seed).base.floating and NumpyReference(random_robot(seed)).n >= 7
 )
 ROBOTS = {"bulgarelli4": load_robot("bulgarelli4"), "ur5": load_robot("ur5_free_flyer"), "tree": random_robot(SEVEN)}
+
+
+@cache
+def _model(robot: str) -> RobotModel:
+    return build_model(ROBOTS[robot])
 
 
 def _draw(n: int, rng: np.random.Generator) -> dict[str, Array]:
@@ -105,7 +112,7 @@ def _evaluate(law: object, x: dict[str, Array], parameters: Array) -> dict[str, 
 @pytest.mark.parametrize("task", list(ROWS))
 @pytest.mark.parametrize("names", CONSTRAINTS, ids="-".join)
 def test_joint_rates_of_every_law(robot: str, task: str, names: tuple[str, ...]) -> None:
-    model, oracle = build_model(ROBOTS[robot]), NumpyReference(ROBOTS[robot])
+    model, oracle = _model(robot), NumpyReference(ROBOTS[robot])
     rng = np.random.default_rng([len(robot), len(task), CONSTRAINTS.index(names)])
     gains = rng.uniform(1, 50, 3 if names == ("rotation_vector",) else len(names))
     common = {"task": task, "constraint": names, "damping": DAMPING}

@@ -71,8 +71,7 @@ def test_the_batch_holds_what_it_should() -> None:
     assert batch.ends[3] == 0
 
 
-@pytest.mark.parametrize("kind", ["clik", "fuzzy_clik"])
-@pytest.mark.parametrize("lanes", [2, 4, 8])
+@pytest.mark.parametrize(("kind", "lanes"), [("clik", 8), ("fuzzy_clik", 2), ("fuzzy_clik", 4), ("fuzzy_clik", 8)])
 def test_lanes(kind: str, lanes: int) -> None:
     _, loop, rows, steps = _case(kind)
     _assert_same(CompiledEngine(loop, lanes=lanes).run(rows, steps), _expected(kind))
@@ -80,7 +79,7 @@ def test_lanes(kind: str, lanes: int) -> None:
 
 @pytest.mark.parametrize(
     ("isa", "lanes"),
-    [("baseline", 4), ("baseline", 8), ("avx2", 1), ("avx2", 4), ("avx2", 8), ("avx512", 4), ("avx512", 8)],
+    [("baseline", 4), ("avx2", 1), ("avx2", 8), ("avx512", 4), ("avx512", 8)],
 )
 def test_instruction_sets(isa: str, lanes: int) -> None:
     if isa not in ISAS:

@@ -9,6 +9,15 @@
 #define LANES 1
 #endif
 
+/* Functions that a run calls once: compiled quickly, not for speed. The numbers are the same. */
+#if defined(__clang__)
+#define ONCE __attribute__((optnone, noinline))
+#elif defined(__GNUC__)
+#define ONCE __attribute__((optimize("O0")))
+#else
+#define ONCE
+#endif
+
 /* V: one double a lane. M: one truth a lane. B: the 64 bits of a V as integers. */
 #if LANES == 1
 typedef double V;
