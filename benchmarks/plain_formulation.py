@@ -16,7 +16,7 @@ from fzcli.model.tree import Tree
 from fzcli.spec.rulebase import Rulebase
 
 KP, DAMPING, DT = 3.2, 1e-8, 0.01
-AVERAGE, WINDOW, IGNORE = 10, 10, 3e-4
+AVERAGE, WINDOW, IGNORE = 5, 8, 1e-3
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ np.seterr(**_ERROR_STATE)  # pyfuzzylite 8 changes it when imported
 DT = 0.01  # s
 KP = 3.2  # 1/s
 DAMPING = 1e-8  # lambda squared of the pseudo-inverse
-AVERAGE, WINDOW, DEAD_BAND = 10, 20, 3e-4  # samples, steps, rad/s or m/s
+AVERAGE, WINDOW, DEAD_BAND = 5, 8, 1e-3  # samples, steps, rad/s or m/s
 SAMPLES = 1001  # of the centroid
 
 RULES = (

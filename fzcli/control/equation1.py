@@ -116,12 +116,18 @@ def finish(
         CONDITIONING: at.task.inverse_trace,
         **at.constraint.signals(),
     }
-    common = (
+    common: tuple[Metric, ...] = (
         Metric("tip_error_mean", "tip_error", "mean", unit, "mean norm of the tip's error"),
         Metric("tip_error_max", "tip_error", "max", unit, "largest norm of the tip's error"),
         *at.constraint.metrics(),
         Metric("oscillating_joints_mean", "oscillating_joints", "mean", "1", "oscillating joints a step"),
     )
+    if at.task.angle_norm is not None:
+        shared[Signal("tip_angle_error", "rad", "angle of the tip's orientation error")] = at.task.angle_norm
+        common += (
+            Metric("tip_angle_error_mean", "tip_angle_error", "mean", "rad", "mean angle of the tip's error"),
+            Metric("tip_angle_error_max", "tip_angle_error", "max", "rad", "largest angle of the tip's error"),
+        )
     own = memory or (ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1))
     return make_law(
         at.inputs,

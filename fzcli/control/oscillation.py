@@ -17,9 +17,9 @@ class OscillationSpec(SpecModel):
     The paper gives none of the three numbers; these are our choice.
     """
 
-    average: Annotated[int, Field(ge=2, le=10000, description="samples of the moving average")] = 10
-    window: Annotated[int, Field(ge=1, description="steps within which the two crossings fall")] = 10
-    ignore_below: Annotated[float, Field(ge=0, description="smallest crossing that counts, rad/s or m/s")] = 3e-4
+    average: Annotated[int, Field(ge=2, le=10000, description="samples of the moving average")] = 5
+    window: Annotated[int, Field(ge=1, description="steps within which the two crossings fall")] = 8
+    ignore_below: Annotated[float, Field(ge=0, description="smallest crossing that counts, rad/s or m/s")] = 1e-3
 
 
 @dataclass(frozen=True)

@@ -55,7 +55,8 @@ def body_at(model: RobotModel, inputs: LawInputs) -> Body:
 class Task:
     """Error (m), wanted rate (m) with the drift taken off, Jacobian J (m, n) and (J J^T + damping E)^-1.
 
-    ``error_norm`` is that of the position where the task has one, else of the orientation.
+    ``error_norm`` is that of the position where the task has one, else of the orientation;
+    ``angle_norm`` that of a pose's orientation.
     """
 
     error: ca.SX
@@ -63,6 +64,7 @@ class Task:
     jacobian: ca.SX
     inverse: ca.SX
     error_norm: ca.SX
+    angle_norm: ca.SX | None
 
     @property
     def inverse_trace(self) -> ca.SX:
@@ -97,4 +99,5 @@ def task_of(
         norms.append(ca.sqrt(dot(error, error)))
     J = jacobian[TASK_ROWS[name], :]
     inverse = symmetric_inverse(gram(J) + damping * ca.SX.eye(J.shape[0]))
-    return Task(ca.vertcat(*errors), ca.vertcat(*rates), J, inverse, norms[0])
+    angle = norms[1] if name == "pose" else None
+    return Task(ca.vertcat(*errors), ca.vertcat(*rates), J, inverse, norms[0], angle)

@@ -25,7 +25,7 @@ _UNARY = {
     ca.OP_ASIN: "arc_sine",
     ca.OP_ACOS: "arc_cosine",
 }
-_CALLS = {ca.OP_FMIN: "least", ca.OP_FMAX: "most", ca.OP_ATAN2: "arc_tangent2", ca.OP_COPYSIGN: "with_sign"}
+_CALLS = {ca.OP_ATAN2: "arc_tangent2", ca.OP_COPYSIGN: "with_sign"}
 
 
 def constant(value: float) -> str:
@@ -178,6 +178,8 @@ class _Printer:
             return f"{a} * {self._reciprocal(self._value(into[1]))}"
         if op in _BINARY:
             return f"{a} {_BINARY[op]} {self._value(into[1])}"
+        if op in (ca.OP_FMIN, ca.OP_FMAX):  # the newer operand first: a NaN there is passed over, as by libm
+            return f"{'least' if op == ca.OP_FMIN else 'most'}({self._value(into[1])}, {a})"
         if op in _CALLS:
             return f"{_CALLS[op]}({a}, {self._value(into[1])})"
         if op == ca.OP_CONSTPOW and self._value(into[1]) == constant(0.5):

@@ -2,6 +2,7 @@
 
 import functools
 import operator
+from collections.abc import Iterator
 from functools import cache
 from typing import Annotated, Any, Literal
 
@@ -12,7 +13,6 @@ from fzcli.plan.base_reference import BaseHoldSpec
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
 from fzcli.spec.base import SpecModel
 from fzcli.spec.references import RobotReference
-from fzcli.spec.robot import Robot
 from fzcli.spec.units import Angle, AngularMomentum, Duration, JointValue, Length, Momentum
 
 Vector3 = tuple[float, float, float]
@@ -113,22 +113,17 @@ class SimulateRun(SpecModel):
         Field(default_factory=dict, description="variants run and drawn beside this run: name -> {field: value}"),
     ]
 
-    @model_validator(mode="after")
-    def _fits_the_robot(self) -> "SimulateRun":
-        check_joints(self.robot, self.start)
-        if self.start.drifting and not self.robot.base.floating:
-            raise ValueError("start.momentum: a robot on a fixed base has no momentum of its own")
-        tip = getattr(self.controller, "tip", None)
-        if tip is not None and tip not in self.robot.tips:
-            raise ValueError(f"controller.tip: the robot has no tip {tip!r}; it has {', '.join(self.robot.tips)}")
-        return self
 
-
-def check_joints(robot: Robot, start: StartSpec) -> None:
-    """Raise ValueError unless start.q has one value for every active joint."""
-    names = [link.joint.name for link in robot.links if link.joint.type != "fixed"]
-    if len(start.q) != len(names):
-        raise ValueError(f"start.q has {len(start.q)} values for {len(names)} active joints ({', '.join(names)})")
+def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, str], str]]:
+    """Where a run does not fit its robot: the field's path, and what is wrong with it."""
+    names = [link.joint.name for link in spec.robot.links if link.joint.type != "fixed"]
+    if len(spec.start.q) != len(names):
+        yield ("start", "q"), f"has {len(spec.start.q)} values for {len(names)} active joints ({', '.join(names)})"
+    if spec.start.drifting and not spec.robot.base.floating:
+        yield ("start", "momentum"), "a robot on a fixed base has no momentum of its own"
+    tip = getattr(spec.controller, "tip", None)
+    if tip is not None and tip not in spec.robot.tips:
+        yield ("controller", "tip"), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"
 
 
 @cache

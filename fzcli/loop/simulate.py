@@ -16,7 +16,7 @@ from fzcli.loop.assemble import closed_loop, finite_or_nan, parameter_row, step_
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.engine import Batch, Engine, make_engine
 from fzcli.loop.rollout import Provenance, Rollout
-from fzcli.loop.run_spec import BoundsSpec, SimulateRun, simulate_model
+from fzcli.loop.run_spec import BoundsSpec, SimulateRun, misfits, simulate_model
 from fzcli.loop.verdict import BOUNDED, status_of
 from fzcli.spec.document import Document
 from fzcli.spec.hashing import spec_hash
@@ -44,7 +44,11 @@ def run_of(document: Document, sets: Sequence[str] = ()) -> SimulateRun:
     """Validate a document as a simulation. Raises SpecError with every problem found."""
     document = apply_sets(document, sets) if sets else document
     check_kind(document, "simulate")
-    return parse(document, simulate_model(), context={BESIDE: document.path})
+    spec = parse(document, simulate_model(), context={BESIDE: document.path})
+    problems = [document.problem(text, path) for path, text in misfits(spec)]
+    if problems:
+        raise SpecError(problems)
+    return spec
 
 
 def variants_of(document: Document, spec: SimulateRun, sets: Sequence[str] = ()) -> dict[str, SimulateRun]:

@@ -20,7 +20,8 @@ class Placement:
     def then(self, other: "Placement") -> "Placement":
         """The placement of ``other``, which is given in this frame, in this frame's carrier."""
         return Placement(
-            snap(self.rotation @ other.rotation), self.translation + self.rotation @ other.translation
+            snap(times(self.rotation, other.rotation)),
+            self.translation + times(self.rotation, other.translation[:, None])[:, 0],
         )
 
 
@@ -40,11 +41,11 @@ class Inertia:
 
     def moved(self, place: Placement) -> "Inertia":
         """The same body seen from the carrier in which its frame has this placement."""
-        turned = place.rotation @ self.first_moment
+        turned = times(place.rotation, self.first_moment[:, None])[:, 0]
         p, h = place.translation, turned + self.mass * place.translation
-        tensor = place.rotation @ self.tensor @ place.rotation.T
-        shift = 2 * float(p @ turned) * np.eye(3) - np.outer(p, turned) - np.outer(turned, p)
-        shift += self.mass * (float(p @ p) * np.eye(3) - np.outer(p, p))
+        tensor = times(times(place.rotation, self.tensor), place.rotation.T)
+        shift = 2 * float((p * turned).sum()) * np.eye(3) - np.outer(p, turned) - np.outer(turned, p)
+        shift += self.mass * (float((p * p).sum()) * np.eye(3) - np.outer(p, p))
         return Inertia(self.mass, h, tensor + shift)
 
 
@@ -93,10 +94,24 @@ class Tree:
         return self.base.mass + sum(body.inertia.mass for body in self.bodies)
 
 
+def times(a: Array, b: Array) -> Array:
+    """The product of two small matrices without BLAS: the same bits on every machine."""
+    return np.asarray((a[:, :, None] * b[None, :, :]).sum(axis=1))
+
+
 def snap(matrix: Array) -> Array:
-    """A rotation with entries within 1e-15 of 0 and +-1 made exact: the symbols stay sparse."""
-    nearest = np.round(matrix)
-    return np.where(np.abs(matrix - nearest) < 1e-15, nearest, matrix)
+    """A rotation's entries as multiples of 2^-50.
+
+    Zeros and ones become exact, so that the symbols stay sparse, and the last bits in which the sines
+    of two machines may differ are dropped.
+    """
+    return np.round(matrix * 2.0**50) * 2.0**-50
+
+
+def unit(vector: tuple[float, float, float]) -> Array:
+    """The vector over its length, (3)."""
+    found = np.array(vector, dtype=float)
+    return np.asarray(found / np.sqrt((found * found).sum()))
 
 
 def rotation_from_rpy(rpy: tuple[float, float, float]) -> Array:
@@ -123,7 +138,7 @@ def inertia_of(mass: float, com: tuple[float, ...], moments: tuple[float, ...]) 
     xx, yy, zz, xy, xz, yz = moments
     c = np.array(com, dtype=float)
     about_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return Inertia(mass, mass * c, about_com + mass * (float(c @ c) * np.eye(3) - np.outer(c, c)))
+    return Inertia(mass, mass * c, about_com + mass * (float((c * c).sum()) * np.eye(3) - np.outer(c, c)))
 
 
 def build_tree(robot: Robot) -> Tree:
@@ -156,7 +171,7 @@ def build_tree(robot: Robot) -> Tree:
             parent,
             place,
             link.joint.type == "prismatic",
-            snap(np.array(link.joint.axis) / np.linalg.norm(link.joint.axis)),
+            snap(unit(link.joint.axis)),
             inertia,
         )
         for (link, parent, place), inertia in zip(drafts, welded[1:], strict=True)

@@ -1,5 +1,6 @@
 """Where the base's roll, pitch and yaw are to be: held, or led from rest to rest to new angles."""
 
+import math
 from typing import Annotated, Literal
 
 import casadi as ca
@@ -19,7 +20,7 @@ class BaseHoldSpec(SpecModel):
 
 
 class BaseTurnSpec(SpecModel):
-    """From the angles at the start to ``angles`` in ``duration``."""
+    """From the angles at the start to ``angles`` in ``duration``, each the short way round."""
 
     kind: Literal["turn"] = "turn"
     law: Literal["3-4-5"] = "3-4-5"
@@ -41,7 +42,9 @@ def build_turn(spec: BaseTurnSpec) -> BaseReference:
     symbols = ca.SX.sym("constants", 7)
     s, ds = TIME_LAWS[spec.law](time * symbols[6])
     parameters = {Parameter("base_reference.angles", 3): wanted, Parameter("base_reference.duration"): duration}
-    constants = ca.vertcat(angles, wanted - angles, 1 / duration)
+    way = wanted - angles
+    way = way - 2 * math.pi * ca.floor(way * (0.5 / math.pi) + 0.5)
+    constants = ca.vertcat(angles, way, 1 / duration)
     position = symbols[:3] + symbols[3:6] * s
     rates = symbols[3:6] * (ds * symbols[6])
     return _assemble(

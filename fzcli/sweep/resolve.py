@@ -21,6 +21,7 @@ from fzcli.spec.sets import apply_sets
 from fzcli.sweep.sweep_spec import OWN_KEYS, Draw, SweepFile
 
 Array = NDArray[np.float64]
+NOT_DRAWN = ("kind", "about", "bounds", "record", "compare", "method")  # they belong to a configuration
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     kinds = _kinds(base, [*configurations, own.keep_if_changes])
     _check_controller_keys(base, kinds)
     _check_changed_keys(document, own, kinds)
+    _check_expected(document, own, configurations)
     low = _sample(document, own, 0)
     specs: list[SimulateRun] = []
     problems: list[Problem] = []
@@ -198,6 +200,19 @@ def _check_changed_keys(document: Document, own: _OwnSection, kinds: set[str]) -
         raise SpecError(problems)
 
 
+def _check_expected(document: Document, own: _OwnSection, configurations: list[dict[str, Node]]) -> None:
+    """``expect_failures`` must speak of configurations that there are."""
+    expected = own.file.expect_failures
+    if not isinstance(expected, dict):
+        return
+    for path, value in expected.items():
+        values = [configuration[path].value for configuration in configurations if path in configuration]
+        if value not in values:
+            known = {path for configuration in configurations for path in configuration}
+            text = f"no configuration has {path}: {value!r}" + (hint(path, known) if path not in known else "")
+            raise SpecError(document.problem(text, ("expect_failures", path), at_key=True))
+
+
 def _sample(document: Document, own: _OwnSection, which: int) -> dict[str, Node]:
     """A value for every drawn field, out of its distribution's own numbers: entry ``which``."""
     found: dict[str, Node] = {}
@@ -239,6 +254,9 @@ def _draws(
 
 def _drawn(document: Document, path: str, draw: Draw, specs: list[SimulateRun]) -> Drawn:
     count = len(draw.numbers) if isinstance(draw.numbers, list) else 1
+    if path.partition(".")[0] in NOT_DRAWN or path.rpartition(".")[2].isdecimal():
+        text = "cannot be drawn; draw fields of start, reference, controller or step, lists as a whole"
+        raise SpecError(document.problem(text, ("trajectories", "draw", path), at_key=True))
     try:
         values = [np.atleast_1d(np.asarray(spec.value_at(path), dtype=float)).ravel() for spec in specs[:count]]
     except (KeyError, TypeError, ValueError):

@@ -26,7 +26,7 @@ TEXTS = {
     "unknown tip": (RUN.replace("gain: 10", "gain: 10, tip: foot"), ["the robot has no tip 'foot'; it has hand"]),
     "joint count": (
         RUN.replace("0.303, 0.549", "0.303"),
-        ["start.q has 3 values for 4 active joints (q1, q2, q3, q4)"],
+        ["bad.yaml:3:12: start.q: has 3 values for 4 active joints (q1, q2, q3, q4)"],
     ),
     "unknown kind of law": (RUN.replace("clik", "klik"), ["controller", "'klik'", "clik"]),
     "other kind": ("kind: robot\n", ["bad.yaml:1:7: kind: simulate is wanted, got 'robot'"]),

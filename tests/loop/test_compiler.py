@@ -76,8 +76,9 @@ def test_a_damaged_library_is_built_again(folder: Path, damage: str) -> None:
 def test_the_folder_is_private(folder: Path) -> None:
     _build()
     assert folder.stat().st_mode & 0o777 == 0o700
-    folder.chmod(0o755)
-    assert cache_folder().stat().st_mode & 0o777 == 0o700
+    folder.chmod(0o775)
+    with pytest.raises(EngineError, match=r"others may write to the cache; chmod go-w it or set FZCLI_CACHE_DIR$"):
+        cache_folder()
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder away")

@@ -173,11 +173,11 @@ def test_least_and_most_of_numbers(lanes: int) -> None:
 
 @needs_compiler
 @pytest.mark.parametrize("lanes", [1, 8])
-def test_a_nan_shows_in_a_running_maximum(lanes: int) -> None:
-    """The newest value, the second operand, is not hidden when it is not a number; the next one replaces it."""
-    a, b = np.array([np.nan, 1.0, np.nan]), np.array([1.0, np.nan, np.nan])
+def test_a_nan_in_the_second_operand_is_passed_over_as_by_libm(lanes: int) -> None:
+    """A running maximum keeps its value where the newest one is not a number, in both engines."""
+    a, b = np.array([2.0, 1.0]), np.array([np.nan, np.nan])
     for result in evaluate_all([ca.fmin, ca.fmax], [a, b], lanes):
-        np.testing.assert_array_equal(result, [1.0, np.nan, np.nan])
+        np.testing.assert_array_equal(result, a)
 
 
 @needs_compiler

@@ -36,14 +36,7 @@ def test_momentum_over_fifteen_seconds(changes: dict[str, object]) -> None:
     assert rollout.certificate["linear_momentum_max"] <= 1e-12
 
 
-FIRST_ORDER = pytest.mark.xfail(
-    strict=True, reason="the error at a step's start, which midpoint has, is left out of the mean of both ends"
-)
-
-
-@pytest.mark.parametrize(
-    ("method", "order"), [("euler", 1), pytest.param("midpoint", 2, marks=FIRST_ORDER, id="midpoint-2")]
-)
+@pytest.mark.parametrize(("method", "order"), [("euler", 1), ("midpoint", 2)])
 @pytest.mark.parametrize("changes", [{}, MOMENTUM], ids=["at rest", "with momentum"])
 def test_the_angular_residual_shows_the_order(method: str, order: int, changes: dict[str, object]) -> None:
     def residual(step: float) -> float:

@@ -18,7 +18,7 @@ def record() -> SweepRecord:
     error, yaw = rng.uniform(0, 2, 2 * COUNT), rng.uniform(0, 1, 2 * COUNT)
     error[5] = np.nan
     return SweepRecord(
-        configs=[{"controller.kind": "clik", "controller.gain": 10}, {"controller.kind": "fuzzy", "controller.gain": 10}],
+        configs=[{"controller.kind": kind, "controller.gain": 10} for kind in ("clik", "fuzzy")],
         metrics={
             "error": error,
             "yaw": yaw,
@@ -60,9 +60,9 @@ def test_drawn_values_come_back_as_fields(record: SweepRecord) -> None:
 
 def test_configurations_are_named_by_their_entries(record: SweepRecord) -> None:
     assert configuration(record, {"controller.kind": "fuzzy"}) == 1
-    with pytest.raises(UsageError, match="2 configurations have controller.gain=10"):
+    with pytest.raises(UsageError, match=r"2 configurations have controller\.gain=10"):
         configuration(record, {"controller.gain": 10})
-    with pytest.raises(UsageError, match="0 configurations have controller.gain=11"):
+    with pytest.raises(UsageError, match=r"0 configurations have controller\.gain=11"):
         configuration(record, {"controller.gain": 11})
 
 

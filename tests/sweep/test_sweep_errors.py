@@ -110,20 +110,17 @@ def test_a_sweep_without_end_needs_a_duration() -> None:
         run_sweep(resolve(document_of(data)))
 
 
-@pytest.mark.xfail(strict=True, reason="a drawn field that the grid sets too is drawn from nothing, silently")
 def test_a_field_both_drawn_and_in_the_grid_is_refused() -> None:
     data = _drawing({"controller.gain": {"uniform": [5, 6]}}) | {"grid": {"controller.gain": [1, 2]}}
     with pytest.raises(SpecError, match=r"controller\.gain"):
         resolve(document_of(data))
 
 
-@pytest.mark.xfail(strict=True, reason="a misspelt rank_by keeps the first, middle and last run as best and worst")
 def test_ranking_by_an_unknown_metric_is_refused() -> None:
     with pytest.raises((SpecError, FilterError), match="tip_eror_mean"):
         run_sweep(resolve(document_of(sweep_data(record={"rank_by": "tip_eror_mean"}))))
 
 
-@pytest.mark.xfail(strict=True, raises=AttributeError, reason="ends in an AttributeError")
 def test_drawing_one_component_of_a_list_works_or_is_refused() -> None:
     try:
         record = run_sweep(resolve(document_of(_drawing({"start.q.1": {"uniform": [-1.4, -1.3]}}))))
@@ -132,7 +129,6 @@ def test_drawing_one_component_of_a_list_works_or_is_refused() -> None:
     assert record.draws["start.q.1"].shape == (2, 1)
 
 
-@pytest.mark.xfail(strict=True, reason="the bound of a drawn bounds field is not the drawn one")
 def test_drawn_bounds_are_those_that_judge_or_are_refused() -> None:
     try:
         record = run_sweep(resolve(document_of(_drawing({"bounds.tip_error": {"choice": [1e-12, 1.0]}}))))

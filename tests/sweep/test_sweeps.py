@@ -230,7 +230,6 @@ class TestByTheMachine:
         assert told[-1][0] == "recording"
         assert [t for t in told if t[0] == "running"][-1] == ("running", 3, 3)
 
-    @pytest.mark.xfail(strict=True, reason="waypoints of another number share a build that is too small")
     def test_waypoints_of_unlike_number_stand_side_by_side(self) -> None:
         way = {"kind": "waypoints", "relative": True}
         one = {"reference.points": [[0.1, 0, 0]], "reference.durations": [1]}
@@ -239,7 +238,6 @@ class TestByTheMachine:
                          list=[one, two])  # fmt: skip
         assert run_sweep(sweep).metrics["n_steps"].tolist() == [100, 300]
 
-    @pytest.mark.xfail(strict=True, reason="a drawn whole number becomes 10.0 and breaks the build")
     def test_whole_numbers_may_be_drawn(self) -> None:
         path = "controller.oscillation.average"
         sweep = sweep_of(4, duration=0.2, trajectories={"draw": {path: {"choice": [5, 10]}}})
