@@ -16,6 +16,7 @@ from fzcli.loop.simulate import provenance, rollouts
 from fzcli.loop.verdict import BOUNDED, status_codes
 from fzcli.record.sweep_file import write_sweep
 from fzcli.record.sweep_record import KeptRun, SweepRecord
+from fzcli.record.table import check_names
 from fzcli.record.table_spec import TableSpec
 from fzcli.spec.library import find, shipped_root
 from fzcli.spec.nearest import hint
@@ -58,6 +59,7 @@ def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, a
     builds = Builds()
     for spec in [*sweep.specs, *([sweep.filter] if sweep.filter else [])]:
         _check_rank(spec, builds.of(spec))
+    _check_table(sweep, builds)
     tell("compiling", 0, 1)
     builds.compile(record=False, jobs=jobs)
     drawing = draw_trajectories(sweep, builds, jobs, tell)
@@ -81,6 +83,13 @@ def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, a
         kept=_kept(sweep, every, metrics, origin, jobs),
         provenance=origin,
     )
+
+
+def _check_table(sweep: Sweep, builds: Builds) -> None:
+    spec = table_spec(sweep)
+    if spec is not None:
+        loops = [builds.of(one).loop for one in sweep.specs]
+        check_names(sweep.changes, _metric_info(loops), spec)
 
 
 def _check_rank(spec: SimulateRun, build: Build) -> None:

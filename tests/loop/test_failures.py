@@ -101,7 +101,7 @@ def test_every_stop_has_words() -> None:
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
-        ({"start__q": [1, 2, 3]}, "start.q has 3 values for 4 active joints (q1, q2, q3, q4)"),
+        ({"start__q": [1, 2, 3]}, "start.q: has 3 values for 4 active joints (q1, q2, q3, q4)"),
         ({"controller__tip": "hnad"}, "controller.tip: the robot has no tip 'hnad'; it has hand"),
         (
             {"controller__gain": [1, 2, 3], "controller__constraint": ["roll", "yaw"]},

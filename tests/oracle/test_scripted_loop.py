@@ -10,7 +10,7 @@ import pytest
 from fzcli.fuzzy.surface import build_surface
 from fzcli.spec.load import load_rulebase
 from fzcli.spec.rulebase import Centroid
-from tests.oracle.plain_loop import run_plain_loop
+from tests.oracle.plain_loop import Loop, run_plain_loop
 from tests.oracle.table1_robot import bulgarelli4
 
 ROOT = Path(__file__).parents[2]
@@ -69,8 +69,10 @@ def test_tuner_raises_the_gain_while_nothing_oscillates(scripted):
 
 
 @pytest.mark.parametrize("fuzzy", [False, True])
-def test_scripted_and_plain_loop_are_the_same_motion(scripted, fuzzy):
+def test_scripted_and_plain_loop_are_the_same_motion(scripted, fuzzy, monkeypatch):
     """Two implementations without common code, through steps where joints oscillate."""
+    for name, value in (("AVERAGE", Loop.average), ("WINDOW", Loop.window), ("DEAD_BAND", Loop.ignore_below)):
+        monkeypatch.setattr(scripted, name, value)
     rulebase = load_rulebase(ROOT / "rulebases" / "bulgarelli2011.yaml")
     sampled = rulebase.outputs["increment"].model_copy(
         update={"defuzzifier": Centroid(method="midpoint", samples=1001)}
@@ -96,17 +98,17 @@ def test_oscillation_detector_step_by_step(scripted):
     rng = np.random.default_rng(5)
     velocities = np.cumsum(rng.normal(size=(300, 3)), axis=0) * 1e-3 + 1e-3 * rng.normal(size=(300, 3))
     detector = scripted.Oscillation(3)
-    padded = np.vstack([np.zeros((9, 3)), velocities])
+    padded = np.vstack([np.zeros((scripted.AVERAGE - 1, 3)), velocities])
     side, first, second = [0.0] * 3, [-np.inf] * 3, [-np.inf] * 3
     counts = []
     for k in range(300):
         for i in range(3):
-            d = velocities[k, i] - padded[k : k + 10, i].mean()
-            if abs(d) > 3e-4 and np.sign(d) != side[i]:
+            d = velocities[k, i] - padded[k : k + scripted.AVERAGE, i].mean()
+            if abs(d) > scripted.DEAD_BAND and np.sign(d) != side[i]:
                 if side[i] != 0.0:
                     first[i], second[i] = k, first[i]
                 side[i] = np.sign(d)
-        counts.append(sum(k - t < 20 for t in second))
+        counts.append(sum(k - t < scripted.WINDOW for t in second))
         assert detector.update(k, velocities[k]) == counts[-1]
     assert {0, 1, 2, 3} == set(counts)
 

@@ -56,7 +56,7 @@ def _drawing(draw: dict[str, Any]) -> dict[str, Any]:
         (_drawing({"reference.lenght": {"uniform": [0, 1]}}), "reference.lenght: unknown key; did you mean 'length'?"),
         (
             _drawing({"start.q": {"uniform": [[0, 0, 0], [1, 1, 1]]}}),
-            "start.q has 3 values for 4 active joints (q1, q2, q3, q4)",
+            "start.q: has 3 values for 4 active joints (q1, q2, q3, q4)",
         ),
         (
             _drawing({"robot.base.mass": {"uniform": [10, 20]}}),
