@@ -98,7 +98,7 @@ def _walk(stepper: Stepper) -> None:
 
 
 def _compiled(engine: CompiledEngine, row: np.ndarray, jobs: int) -> tuple[Callable[[], object], int]:
-    runs = 64 * engine.lanes
+    runs = 512 * engine.lanes
     rows, counts = np.tile(row, (runs, 1)), np.full(runs, STEPS - 1)
     return (lambda: engine.run(rows, counts, jobs=jobs)), runs * STEPS
 

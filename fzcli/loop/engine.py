@@ -15,7 +15,7 @@ from fzcli.loop.compiler import ISA_LANES, Compiler, build_library, find_compile
 from fzcli.loop.source import c_source
 
 Array = NDArray[np.float64]
-CHUNK = 128  # runs that a thread takes at a time
+CHUNK = 64  # runs that a thread takes at a time
 VM_LANES = 64
 
 

@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import casadi as ca
 
 from fzcli.loop.parts import Parts
+from fzcli.model.algebra import dot
 from fzcli.model.attitude import rotation_matrix
 
 # Where a run is stopped as diverged: rad or m in one step, all joints and the base together. Far beyond
 # any motion that means something, so that the unstable runs of the paper's Table 2 run to their end.
 LARGEST_STEP = 1.0e5
+FARTHEST = 1.0e9  # rad or m: joint values beyond which sines have no digits left
 NEAREST_PITCH = 1e-12  # squared cosine of the pitch at which roll and yaw count as undefined
 
 
@@ -25,7 +27,8 @@ class StopReason:
 STOP_REASONS = {
     1: StopReason(
         "diverged",
-        f"a step moved joints and base by more than {LARGEST_STEP:g} rad, or is not a number",
+        f"a step moved joints and base by more than {LARGEST_STEP:g} rad, or joints are beyond {FARTHEST:g} rad, "
+        "or the motion is not a number",
         "lower controller.gain or step; the data up to here is kept",
     ),
     2: StopReason(
@@ -39,7 +42,9 @@ STOP_REASONS = {
 def stop_code(parts: Parts, plant_state: ca.SX, derivative: ca.SX) -> ca.SX:
     """0 to go on, else a key of ``STOP_REASONS``; a NaN anywhere in the motion fails the comparison."""
     travel = parts.plant.travel(derivative, parts.dt)
-    code = ca.if_else(travel < LARGEST_STEP**2, 0.0, 1.0)
+    q = parts.plant.observe(plant_state)[0]
+    sane = ca.logic_and(travel < LARGEST_STEP**2, dot(q, q) < FARTHEST**2)
+    code = ca.if_else(sane, 0.0, 1.0)
     if parts.law.angles and parts.model.floating:
         R = rotation_matrix(parts.plant.observe(plant_state)[1])
         cosine2 = R[2, 1] * R[2, 1] + R[2, 2] * R[2, 2]

@@ -126,13 +126,12 @@ static inline V floored(V x)
 static inline V ceiled(V x) { return -floored(-x); }
 
 /* Sine and cosine together: reduction by pi/2 in three parts (to rounding for |x| up to 1e6, to 1e-7 up
-   to 1e9, not a number beyond: no digits are left, and the run is stopped), then the usual minimax polynomials on |r| <= pi/4; the quadrant comes out of the rounder's low bits. */
+   to 1e9; runs are stopped before their angles go beyond), then the usual minimax polynomials on |r| <= pi/4; the quadrant comes out of the rounder's low bits. */
 static inline void sine_cosine(V x, V *sine, V *cosine)
 {
     V shifted = x * K(0x1.45f306dc9c883p-1) + K(ROUNDER);
     V n = shifted - K(ROUNDER);
     V r = ((x - n * K(0x1.921fb54400000p+0)) - n * K(0x1.0b4611a600000p-34)) - n * K(0x1.3198a2e037073p-69);
-    r = choose(less(magnitude(x), K(1e9)), r, from_bits(KB(0x7ff8000000000000)));
     V z = r * r;
     V s = r + r * z * (K(-0x1.5555555555549p-3) + z * (K(0x1.111111110f8a6p-7) + z * (K(-0x1.a01a019c161d5p-13)
         + z * (K(0x1.71de357b1fe7dp-19) + z * (K(-0x1.ae5e68a2b9cebp-26) + z * K(0x1.5d93a5acfd57cp-33))))));
