@@ -29,6 +29,7 @@ from fzcli.model.tree import build_tree
 from fzcli.spec.reader import read_text
 
 ROUNDS = 9
+ISAS = ("baseline", "avx2", "avx512")
 STEPS = 1200
 Q0, DIRECTION, LENGTH, DURATION = np.array([0.928, -1.393, 0.303, 0.549]), np.array([1.0, 0.0, 0.0]), 0.5, 12.0
 RUN = """
@@ -70,10 +71,10 @@ def steps() -> None:
         "CasADi C, plain formulation, -O3 -march=native": (lambda: casadi_c.drive(start, parameters, 10, STEPS), 12000),
         "ours, one step called from Python": (lambda: _walk(stepper), STEPS),
     }
-    for lanes in (1, 4, 8):
-        contestants[f"ours, {lanes} lanes, 1 thread"] = _compiled(CompiledEngine(loop, lanes=lanes), row, 1)
-    widest = CompiledEngine(loop)
-    contestants[f"ours, {widest.lanes} lanes, 2 threads (per run, two cores)"] = _compiled(widest, row, 2)
+    for isa in ISAS[: ISAS.index(host_isa()) + 1]:
+        engine = CompiledEngine(loop, lanes=1 if isa == "baseline" else None, isa=isa)
+        contestants[f"ours, {engine.lanes} lanes ({isa}), 1 thread"] = _compiled(engine, row, 1)
+    contestants[f"ours, {engine.lanes} lanes ({engine.isa}), 2 threads together"] = _compiled(engine, row, 2)
     print(f"plain formulation: {plain.step.n_instructions()} instructions, ours: {loop.step.n_instructions()}")
     print(f"scripted loop: pin {version('pin')}, pyfuzzylite {version('pyfuzzylite')}, numpy {version('numpy')}")
     _report(_take_turns(contestants))
@@ -118,7 +119,7 @@ def _take_turns(contestants: dict[str, tuple[Callable[[], object], int]]) -> dic
 
 def _report(found: dict[str, list[float]]) -> None:
     fastest = next(name for name in reversed(found) if "1 thread" in name)
-    print(f"\n{'ns a simulated step':58} {'median':>10} {'best':>10} {'times ' + fastest[6:13]:>14}")
+    print(f"\n{'ns a simulated step':58} {'median':>10} {'best':>10} {'times widest':>14}")
     for name, times in found.items():
         ratio = statistics.median(a / b for a, b in zip(times, found[fastest], strict=True))
         print(f"{name:58} {statistics.median(times):10,.1f} {min(times):10,.1f} {ratio:14,.2f}")

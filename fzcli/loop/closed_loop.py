@@ -77,10 +77,13 @@ class _Sample:
     signals: dict[str, ca.SX]
 
 
+Evaluator = Callable[[ca.SX, float], _Sample]
+
+
 def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
     """Compose the parts; with ``record`` the step also gives every signal of the run."""
     layout = _Layout.of(parts)
-    state, constants, cut = _initial_expressions(parts, layout)
+    start, constants, cut = _initial_expressions(parts, layout)
     symbols = {name: ca.SX.sym(name, value.shape[0]) for name, value in cut.items()}
     memory = ca.SX.sym("memory", parts.law.memory0.size1_out(0))
     history = ca.SX.sym("history", parts.law.function.size1_in("history"))
@@ -90,14 +93,10 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
     sample = at(plant_state, 0.0)
     L = symbols["angular_momentum"] if parts.drifting else ca.SX.zeros(3)
     derivative = parts.plant.rate(plant_state, sample.command, L)
-    if parts.method == "midpoint":
-        middle = parts.plant.advance(plant_state, derivative, 0.5 * parts.dt)
-        moving = parts.plant.rate(middle, at(middle, 0.5 * parts.dt).command, L)
-    else:
-        moving = derivative
+    moving = _held_over_the_step(parts, plant_state, derivative, at, L)
     certifier = Certifier.of(parts, plant_state, derivative, moving, previous, L, sample.signals)
     totals = Accumulators.of(parts.law.metrics, sample.signals, count)
-    old = ca.vertcat(plant_state, memory, previous, certifier.memory, totals.symbols, count)
+    state = ca.vertcat(plant_state, memory, previous, certifier.memory, totals.symbols, count)
     following = ca.vertcat(
         parts.plant.advance(plant_state, moving, parts.dt),
         sample.memory,
@@ -106,30 +105,22 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
         totals.updated,
         count + 1,
     )
-    first = ca.vertcat(state, certifier.memory0, totals.first, 0)
     signals = _record_signals(parts, plant_state, derivative, symbols, count, sample) if record else {}
-    symbol_vector = ca.vertcat(*symbols.values())
-    outputs = [following, sample.samples, stop_code(parts, plant_state, moving), ca.vertcat(*signals.values())]
+    stop = stop_code(parts, plant_state, moving)
+    held = {"state": state, "constants": ca.vertcat(*symbols.values())}
+    given = {"parameters": layout.vector}
+    first = ca.vertcat(start, certifier.memory0, totals.first, 0)
+    seconds = parts.reference.duration(layout.of_part(parts.reference.parameters))
+    outputs = {"state_next": following, "samples": sample.samples, "stop": stop}
     return ClosedLoop(
-        initial=_function("initial", {"parameters": layout.vector}, [first, constants], ["state", "constants"]),
+        initial=_function("initial", given, {"state": first, "constants": constants}),
         step=_function(
             "closed_loop_step",
-            {"state": old, "constants": symbol_vector, "history": history},
-            outputs,
-            ["state_next", "samples", "stop", "signals"],
+            {**held, "history": history},
+            {**outputs, "signals": ca.vertcat(*signals.values())},
         ),
-        finish=_function(
-            "finish",
-            {"state": old, "constants": symbol_vector},
-            [ca.vertcat(totals.results, certifier.results)],
-            ["metrics"],
-        ),
-        duration=_function(
-            "duration",
-            {"parameters": layout.vector},
-            [parts.reference.duration(layout.of_part(parts.reference.parameters))],
-            ["duration"],
-        ),
+        finish=_function("finish", held, {"metrics": ca.vertcat(totals.results, certifier.results)}),
+        duration=_function("duration", given, {"duration": seconds}),
         parameters=layout.parameters,
         signals=tuple(signals),
         metrics=(*parts.law.metrics, *certifier.metrics),
@@ -140,9 +131,19 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
     )
 
 
-def _function(name: str, inputs: dict[str, ca.SX], outputs: list[ca.SX], names: list[str]) -> ca.Function:
-    shared = ca.cse([ca.densify(value) for value in outputs])
-    return ca.Function(name, list(inputs.values()), shared, list(inputs), names)
+def _held_over_the_step(
+    parts: Parts, plant_state: ca.SX, derivative: ca.SX, at: Evaluator, L: ca.SX
+) -> ca.SX:
+    """The derivative that carries the step: at its begin (euler), or at its middle (midpoint)."""
+    if parts.method == "euler":
+        return derivative
+    middle = parts.plant.advance(plant_state, derivative, 0.5 * parts.dt)
+    return parts.plant.rate(middle, at(middle, 0.5 * parts.dt).command, L)
+
+
+def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    shared = ca.cse([ca.densify(value) for value in outputs.values()])
+    return ca.Function(name, list(inputs.values()), shared, list(inputs), list(outputs))
 
 
 def _initial_expressions(parts: Parts, layout: _Layout) -> tuple[ca.SX, ca.SX, dict[str, ca.SX]]:
@@ -176,7 +177,7 @@ def _initial_expressions(parts: Parts, layout: _Layout) -> tuple[ca.SX, ca.SX, d
 
 def _evaluator(
     parts: Parts, symbols: dict[str, ca.SX], memory: ca.SX, history: ca.SX, count: ca.SX
-) -> Callable[[ca.SX, float], _Sample]:
+) -> Evaluator:
     """A function (plant state, time after the sample) -> the law's expressions there."""
     names = [*(f"{name}_next" if name == "memory" else name for name in ("command", "memory", "samples"))]
     names += [signal.name for signal in parts.law.signals]

@@ -77,6 +77,7 @@ class CompiledEngine:
             raise EngineError("no C compiler found (set FZCLI_CC to name one)")
         isa = isa or host_isa()
         self.loop = loop
+        self.isa = isa
         self.lanes = lanes or ISA_LANES[isa]
         self.name = "compiled"
         self.library = build_library(c_source(loop), self.lanes, compiler, isa)

@@ -14,10 +14,10 @@ from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.simulate import fitted, run_of
 from fzcli.spec.document import Document, Node
 from fzcli.spec.load import check_kind
-from fzcli.spec.nearest import hint
 from fzcli.spec.overlay import overlaid, without
-from fzcli.spec.parse import parse
 from fzcli.spec.sets import apply_sets
+from fzcli.sweep.checks import check_changed_keys, check_controller_keys, check_expected, check_one_source
+from fzcli.sweep.own_section import OwnSection, entries, own_section
 from fzcli.sweep.sweep_spec import OWN_KEYS, Draw, SweepFile
 
 Array = NDArray[np.float64]
@@ -62,14 +62,14 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     """Validate a sweep file and all its configurations. Raises SpecError with every problem found."""
     document = apply_sets(document, sets) if sets else document
     check_kind(document, "sweep")
-    own = _own_section(document)
+    own = own_section(document)
     base = overlaid(without(document, OWN_KEYS), {"kind": "simulate"})
-    _check_one_source(document, own)
+    check_one_source(document, own)
     configurations = _configurations(document, own)
     kinds = _kinds(base, [*configurations, own.keep_if_changes])
-    _check_controller_keys(base, kinds)
-    _check_changed_keys(document, own, kinds)
-    _check_expected(document, own, configurations)
+    check_controller_keys(base, kinds)
+    check_changed_keys(document, own, kinds)
+    check_expected(document, own, configurations)
     low = _sample(document, own, 0)
     specs: list[SimulateRun] = []
     problems: list[Problem] = []
@@ -92,71 +92,14 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     return Sweep(own.file, document, changes, specs, draws, keep)
 
 
-@dataclass(frozen=True)
-class _OwnSection:
-    file: SweepFile
-    keep_if_changes: dict[str, Node] | None
-
-
-def _own_section(document: Document) -> _OwnSection:
-    """The sweep's own fields; the run's fields are checked configuration by configuration."""
-    value = document.value
-    run_keys = set(SimulateRun.model_fields) - {"kind", "about", "compare"}
-    known = run_keys | set(OWN_KEYS) | {"kind", "about"}
-    problems = [
-        document.problem(f"unknown key{hint(key, known)}", (key,), at_key=True) for key in value if key not in known
-    ]
-    try:
-        file = parse(without(document, run_keys | (set(value) - known)), SweepFile)
-    except SpecError as error:
-        raise SpecError([*problems, *error.problems]) from None
-    if problems:
-        raise SpecError(problems)
-    keep_if = file.trajectories.keep_if
-    changes = None
-    if keep_if is not None:
-        changes = _entries(document.node(("trajectories", "keep_if", "with"))) if keep_if.with_ else {}
-    return _OwnSection(file, changes)
-
-
-def _entries(node: Node) -> dict[str, Node]:
-    return dict(node.content) if isinstance(node.content, dict) else {}
-
-
-def _configurations(document: Document, own: _OwnSection) -> list[dict[str, Node]]:
+def _configurations(document: Document, own: OwnSection) -> list[dict[str, Node]]:
     """All combinations of the grid, each with every entry of the list."""
     axes = []
     for path in own.file.grid:
         content = document.node(("grid", path)).content
         axes.append([(path, node) for node in content] if isinstance(content, list) else [])
-    listed = [_entries(document.node(("list", i))) for i in range(len(own.file.list_))] or [{}]
+    listed = [entries(document.node(("list", i))) for i in range(len(own.file.list_))] or [{}]
     return [{**dict(combination), **entry} for entry in listed for combination in itertools.product(*axes)]
-
-
-def _check_one_source(document: Document, own: _OwnSection) -> None:
-    """A drawn field may be set nowhere else: the draw would win without a word. Nor may a list set an axis."""
-    drawn, axes = list(own.file.trajectories.draw), list(own.file.grid)
-    listed = [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
-    tried = [(("trajectories", "keep_if", "with", path), path) for path in own.keep_if_changes or {}]
-    places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in axes]
-    problems = [
-        document.problem(f"is drawn as well (trajectories.draw: {other}); a field has one source", at, at_key=True)
-        for at, path in [*places, *listed, *tried]
-        for other in drawn
-        if _overlap(path, other)
-    ]
-    problems += [
-        document.problem(f"is an axis of the grid as well ({other}); a field has one source", at, at_key=True)
-        for at, path in listed
-        for other in axes
-        if _overlap(path, other)
-    ]
-    if problems:
-        raise SpecError(problems)
-
-
-def _overlap(one: str, other: str) -> bool:
-    return f"{one}.".startswith(f"{other}.") or f"{other}.".startswith(f"{one}.")
 
 
 def _kinds(base: Document, configurations: Sequence[Mapping[str, Node] | None]) -> set[str]:
@@ -169,51 +112,7 @@ def _kinds(base: Document, configurations: Sequence[Mapping[str, Node] | None]) 
     return {kind for kind in kinds if kind in controllers()}
 
 
-def _check_controller_keys(base: Document, kinds: set[str]) -> None:
-    """A controller's key must be known to one of the kinds in the sweep, else it is misspelt."""
-    written = base.value.get("controller")
-    known = {name for kind in kinds for name in controllers()[kind].spec.model_fields}
-    if not isinstance(written, dict) or not known:
-        return
-    problems = [
-        base.problem(f"unknown key{hint(key, known)}", ("controller", key), at_key=True)
-        for key in written
-        if key not in known
-    ]
-    if problems:
-        raise SpecError(problems)
-
-
-def _check_changed_keys(document: Document, own: _OwnSection, kinds: set[str]) -> None:
-    """The same for the keys that grid, list and filter change: `fitted` would drop them without a word."""
-    known = {name for kind in kinds for name in controllers()[kind].spec.model_fields}
-    places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in own.file.grid]
-    places += [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
-    places += [(("trajectories", "keep_if", "with", path), path) for path in own.keep_if_changes or {}]
-    problems = []
-    for at, path in places:
-        head, _, key = path.partition(".")
-        key = key.partition(".")[0]
-        if head == "controller" and key and known and key not in known:
-            problems.append(document.problem(f"unknown key{hint(key, known)}", at, at_key=True))
-    if problems:
-        raise SpecError(problems)
-
-
-def _check_expected(document: Document, own: _OwnSection, configurations: list[dict[str, Node]]) -> None:
-    """``expect_failures`` must speak of configurations that there are."""
-    expected = own.file.expect_failures
-    if not isinstance(expected, dict):
-        return
-    for path, value in expected.items():
-        values = [configuration[path].value for configuration in configurations if path in configuration]
-        if value not in values:
-            known = {path for configuration in configurations for path in configuration}
-            text = f"no configuration has {path}: {value!r}" + (hint(path, known) if path not in known else "")
-            raise SpecError(document.problem(text, ("expect_failures", path), at_key=True))
-
-
-def _sample(document: Document, own: _OwnSection, which: int) -> dict[str, Node]:
+def _sample(document: Document, own: OwnSection, which: int) -> dict[str, Node]:
     """A value for every drawn field, out of its distribution's own numbers: entry ``which``."""
     found: dict[str, Node] = {}
     for path, draw in own.file.trajectories.draw.items():
@@ -240,7 +139,7 @@ def _first_with(
 
 
 def _draws(
-    document: Document, own: _OwnSection, base: Document, path: str, first: dict[str, Node], low_spec: SimulateRun
+    document: Document, own: OwnSection, base: Document, path: str, first: dict[str, Node], low_spec: SimulateRun
 ) -> tuple[Drawn, ...]:
     """Numbers of the distributions in SI, taken from specs in which they stand as the field's value."""
     draws = own.file.trajectories.draw
