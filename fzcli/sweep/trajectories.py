@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from fzcli.errors import FzcliError
 from fzcli.loop.engine import Batch
-from fzcli.loop.run_spec import SimulateRun
+from fzcli.spec.base import SpecModel
 from fzcli.sweep.builds import Builds, rows_of, split
 from fzcli.sweep.draws import candidate, generator
 from fzcli.sweep.resolve import Sweep, with_values
@@ -71,37 +71,24 @@ def _check(sweep: Sweep, values: Array, index: int) -> None:
 
     Raises FilterError for a number that the field could not have in a file.
     """
+    if not any(one.distribution == "normal" for one in sweep.draws):
+        return
     parts = split(sweep.draws, values)
     for one in sweep.draws:
-        section, _, rest = one.path.partition(".")
-        spec = next((spec for spec in sweep.specs if _has(spec, one.path)), None)
+        spec = next((spec for spec in sweep.specs if spec.has(one.path)), None)
         if one.distribution != "normal" or spec is None:
             continue
         changed = with_values(spec, {one.path: parts[one.path]})
+        section = getattr(changed, one.path.partition(".")[0])
+        part = section if isinstance(section, SpecModel) else changed
         try:
-            if rest:
-                part = getattr(changed, section)
-                type(part).model_validate(part.model_dump())
-            else:
-                type(changed).model_validate(changed.model_dump(include={section}) | _rest(changed, section))
+            type(part).model_validate({name: getattr(part, name) for name in type(part).model_fields})
         except ValidationError as error:
             text = error.errors()[0]["msg"]
             numbers = ", ".join(f"{value:.6g}" for value in parts[one.path])
             raise FilterError(
                 f"trajectories.draw.{one.path}: trajectory {index} drew {numbers}: {text}; draw it uniformly"
             ) from None
-
-
-def _rest(spec: SimulateRun, section: str) -> dict[str, object]:
-    return {name: getattr(spec, name) for name in type(spec).model_fields if name != section}
-
-
-def _has(spec: SimulateRun, path: str) -> bool:
-    try:
-        spec.value_at(path)
-    except KeyError:
-        return False
-    return True
 
 
 def _pass(
