@@ -23,3 +23,11 @@ class SpecModel(BaseModel):
             else:
                 raise KeyError(path)
         return value
+
+    def has(self, path: str) -> bool:
+        """Whether there is a value at a dotted path."""
+        try:
+            self.value_at(path)
+        except (KeyError, IndexError, ValueError):
+            return False
+        return True
