@@ -14,6 +14,14 @@ import typer
 from fzcli.errors import FzcliError
 
 FAILED = 1
+
+
+class OutputError(FzcliError):
+    """Standard output takes no more, as on a full disk."""
+
+    exit_code = FAILED
+
+
 F = TypeVar("F", bound=Callable[..., None])
 
 
@@ -28,9 +36,14 @@ def guarded(command: F) -> F:
         code = 0
         try:
             command(*args, **options)
-            sys.stdout.flush()
+            if sys.stdout is not None:
+                sys.stdout.flush()
         except BrokenPipeError:
             discard_output()
+        except OutputError as error:
+            discard_output()
+            say_error(str(error))
+            code = FAILED
         except KeyboardInterrupt:
             say("interrupted")
             code = 128 + signal.SIGINT
@@ -73,11 +86,15 @@ def say_error(text: str) -> None:
 
 def emit(text: str) -> None:
     """Data to standard output; when its reader has gone, the command goes on without it."""
+    if sys.stdout is None:  # closed by the shell: >&-
+        return
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
     except BrokenPipeError:
         discard_output()
+    except OSError as error:
+        raise OutputError(f"standard output cannot be written: {error.strerror or error}") from error
 
 
 def discard_output() -> None:

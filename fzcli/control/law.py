@@ -1,9 +1,12 @@
 """The one contract of all control laws: what a law is given, and what it gives back."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 
+from fzcli.spec.base import SpecModel
 from fzcli.spec.quantity import Metric, Parameter, Signal
 
 
@@ -110,3 +113,11 @@ def make_law(
         conditioning=conditioning,
         singular_value=singular_value,
     )
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A law's spec model (with a literal ``kind``) and its builder (model, spec) -> Law."""
+
+    spec: type[SpecModel]
+    build: Callable[[Any, Any], Law]

@@ -1,25 +1,13 @@
 """The control laws that a run spec can name; other packages join by the entry point group below."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
-from typing import Any
+from importlib.metadata import EntryPoint, entry_points
 
 from fzcli.control import clik, fuzzy_clik, unconstrained
-from fzcli.control.law import Law
-from fzcli.spec.base import SpecModel
+from fzcli.control.law import Controller
+from fzcli.errors import UsageError
 
 ENTRY_POINTS = "fzcli.controllers"
-
-
-@dataclass(frozen=True)
-class Controller:
-    """A law's spec model (with a literal ``kind``) and its builder (model, spec) -> Law."""
-
-    spec: type[SpecModel]
-    build: Callable[[Any, Any], Law]
-
 
 _OWN = (
     Controller(unconstrained.UnconstrainedSpec, unconstrained.build),
@@ -36,5 +24,17 @@ def controllers() -> dict[str, Controller]:
     """
     found = {str(entry.spec.model_fields["kind"].default): entry for entry in _OWN}
     for point in entry_points(group=ENTRY_POINTS):
-        found.setdefault(point.name, point.load())
+        found.setdefault(point.name, _loaded(point))
     return found
+
+
+def _loaded(point: EntryPoint) -> Controller:
+    """The controller an entry point names. Raises UsageError, naming it, when there is none."""
+    name = f"entry point {point.name} = {point.value} of group {ENTRY_POINTS}"
+    try:
+        entry = point.load()
+    except Exception as error:  # a package of somebody else's: anything may go wrong in it
+        raise UsageError(f"{name}: cannot be loaded: {type(error).__name__}: {error}") from error
+    if not isinstance(entry, Controller):
+        raise UsageError(f"{name}: is no Controller but {type(entry).__name__}")
+    return entry

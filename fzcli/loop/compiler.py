@@ -111,7 +111,10 @@ def cache_folder() -> Path:
         folder = Path.home() / "Library" / "Caches" / "fzcli"
     else:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fzcli"
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    except OSError as error:
+        raise EngineError(_no_cache(folder, error)) from error
     if hasattr(os, "getuid"):
         found = folder.stat()
         if found.st_uid != os.getuid():
@@ -119,6 +122,11 @@ def cache_folder() -> Path:
         if found.st_mode & 0o022:
             raise EngineError(f"{folder}: others may write to the cache; chmod go-w it or set FZCLI_CACHE_DIR")
     return folder
+
+
+def _no_cache(folder: Path, error: OSError) -> str:
+    why = error.strerror or str(error)
+    return f"{folder}: compiled loops cannot be kept here: {why}; name a writable folder with FZCLI_CACHE_DIR"
 
 
 def build_library(source: str, lanes: int, compiler: Compiler, isa: str) -> ctypes.CDLL:
@@ -133,7 +141,10 @@ def build_library(source: str, lanes: int, compiler: Compiler, isa: str) -> ctyp
     folder = cache_folder()
     library, checksum = folder / f"{key}.so", folder / f"{key}.sha256"
     if not _intact(library, checksum):
-        _compile(source, flags, compiler, library, checksum)
+        try:
+            _compile(source, flags, compiler, library, checksum)
+        except OSError as error:
+            raise EngineError(_no_cache(folder, error)) from error
     return ctypes.CDLL(str(library))
 
 
@@ -151,7 +162,9 @@ def _compile(source: str, flags: list[str], compiler: Compiler, library: Path, c
         command = [*compiler.command, *flags, "-o", "step.so", "step.c"]
         done = subprocess.run(command, cwd=scratch, capture_output=True, text=True)
         if done.returncode != 0:
-            raise EngineError(f"{' '.join(command)} failed:\n{done.stderr[-2000:]}")
+            raise EngineError(f"{' '.join(command)} failed:\n{done.stderr[-2000:].strip()}")
+        if not built.is_file():
+            raise EngineError(f"{' '.join(command)} wrote no library: is this a C compiler?")
         digest = Path(scratch) / "digest"
         digest.write_text(hashlib.sha256(built.read_bytes()).hexdigest() + "\n", encoding="ascii")
         os.replace(built, library)

@@ -51,9 +51,14 @@ class Engine(Protocol):
         ...
 
 
+def longest(n_steps: NDArray[np.int64]) -> int:
+    """Steps of the longest run, 0 for none."""
+    return int(np.max(n_steps, initial=0))
+
+
 def empty_batch(loop: ClosedLoop, runs: int, n_steps: NDArray[np.int64], record: bool) -> Batch:
     """Room for the results of ``runs`` runs."""
-    samples = int(n_steps.max(initial=0)) + 1
+    samples = longest(n_steps) + 1
     shape = (runs, samples, loop.step.size1_out("signals"))
     return Batch(
         np.full((runs, loop.finish.size1_out("metrics")), np.nan),
@@ -179,7 +184,7 @@ class VirtualMachine:
         sums = np.zeros((loop.step.size1_in("history"), width))
         ring = np.zeros((max(1, loop.history_length), *sums.shape))
         active = np.ones(width, dtype=bool)
-        for k in range(int(n_steps.max(initial=0)) + 1):
+        for k in range(longest(n_steps) + 1):
             state, samples, stop, signals = (np.array(v) for v in step(state, constants, sums))
             if batch.record is not None:
                 batch.record[piece[active], k] = signals.T[active]

@@ -114,13 +114,18 @@ class SimulateRun(SpecModel):
     ]
 
 
-def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, str], str]]:
+def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
     """Where a run does not fit its robot: the field's path, and what is wrong with it."""
     names = [link.joint.name for link in spec.robot.links if link.joint.type != "fixed"]
     if len(spec.start.q) != len(names):
         yield ("start", "q"), f"has {len(spec.start.q)} values for {len(names)} active joints ({', '.join(names)})"
     if spec.start.drifting and not spec.robot.base.floating:
         yield ("start", "momentum"), "a robot on a fixed base has no momentum of its own"
+    length = spec.duration or getattr(spec.reference, "duration", None)
+    if spec.duration is None and spec.reference.kind == "hold":
+        yield ("duration",), "is missing: the reference 'hold' has no end of its own"
+    elif isinstance(length, float) and spec.step > length:
+        yield ("step",), f"{spec.step:g} s is longer than the run, {length:g} s"
     tip = getattr(spec.controller, "tip", None)
     if tip is not None and tip not in spec.robot.tips:
         yield ("controller", "tip"), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"

@@ -28,6 +28,7 @@ from fzcli.spec.quantity import Signal
 from fzcli.spec.reader import dump, read
 from fzcli.spec.references import BESIDE
 from fzcli.spec.sets import apply_sets
+from fzcli.spec.units import quantity
 
 Array = NDArray[np.float64]
 STATE_SIGNALS = ("q", "qd", "base_position", "base_quat", "base_twist", "tip_position", "tip_quat")
@@ -45,16 +46,46 @@ def run_of(document: Document, sets: Sequence[str] = ()) -> SimulateRun:
     document = apply_sets(document, sets) if sets else document
     check_kind(document, "simulate")
     spec = parse(document, simulate_model(), context={BESIDE: document.path})
-    problems = [document.problem(text, path) for path, text in misfits(spec)]
+    problems = [document.problem(text, path) for path, text in misfits(spec)] or _wrong_units(document, spec)
     if problems:
         raise SpecError(problems)
     return spec
 
 
+def _wrong_units(document: Document, spec: SimulateRun) -> list[Problem]:
+    """Joint positions whose written unit is not their joint's: a length for a revolute one, or an angle."""
+    types = [link.joint.type for link in spec.robot.links if link.joint.type != "fixed"]
+    problems = []
+    for i, (written, kind) in enumerate(zip(document.value["start"]["q"], types, strict=True)):
+        try:
+            quantity(written, "length" if kind == "prismatic" else "angle")
+        except ValueError as error:
+            problems.append(document.problem(str(error), ("start", "q", i)))
+    return problems
+
+
 def variants_of(document: Document, spec: SimulateRun, sets: Sequence[str] = ()) -> dict[str, SimulateRun]:
     """The runs that ``compare`` names, each the file's run with some fields changed."""
     document = apply_sets(document, sets) if sets else document
-    return {name: run_of(variant(document, changes)) for name, changes in spec.compare.items()}
+    found: dict[str, SimulateRun] = {}
+    problems: list[Problem] = []
+    for name, changes in spec.compare.items():
+        try:
+            found[name] = run_of(variant(document, changes))
+        except SpecError as error:
+            problems += [_in_variant(document, name, changes, problem) for problem in error.problems]
+    if problems:
+        raise SpecError(problems)
+    return found
+
+
+def _in_variant(document: Document, name: str, changes: dict[str, Any], problem: Problem) -> Problem:
+    """The problem placed in ``compare``, at the change that made it where one did."""
+    change = next((path for path in changes if f"{problem.field}.".startswith(f"{path}.")), None)
+    if change is None:
+        return replace(problem, field=f"compare.{name}: {problem.field}")
+    placed = document.problem(problem.message, ("compare", name, change), at_key=True)
+    return replace(placed, field=f"compare.{name}.{problem.field}")
 
 
 def variant(document: Document, changes: dict[str, Any]) -> Document:

@@ -249,11 +249,18 @@ def _pair_numbers(record: SweepRecord, spec: TableSpec) -> NDArray[np.int64]:
 def _notes(record: SweepRecord, spec: TableSpec) -> tuple[str, ...]:
     """What a reader must know: entries of the grid over which the cells are pooled."""
     paths = dict.fromkeys(path for config in record.configs for path in config)
+    cells: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for config in record.configs:
+        place = (str(config.get(spec.rows)), str(config.get(spec.columns)) if spec.columns else "")
+        cells.setdefault(place, []).append(config)
     notes = []
-    for path in paths:
-        values = dict.fromkeys(str(config.get(path)) for config in record.configs)
-        if path not in (spec.rows, spec.columns) and len(values) > 1:
-            notes.append(f"each cell pools {len(values)} values of {path}: {', '.join(values)}")
+    for path in (path for path in paths if path not in (spec.rows, spec.columns)):
+        inside = [dict.fromkeys(str(config.get(path)) for config in members) for members in cells.values()]
+        pooled = [values for values in inside if len(values) > 1]
+        values = dict.fromkeys(value for cell in pooled for value in cell)
+        if pooled:
+            who = "each cell pools" if len(pooled) == len(cells) else "some cells pool"
+            notes.append(f"{who} {len(values)} values of {path}: {', '.join(values)}")
     return tuple(notes)
 
 

@@ -32,8 +32,9 @@ def find(folder: Folder, name: str, beside: Path | None = None) -> Path:
 
     ``beside`` is the file that holds the name, or its folder; without one, the working directory.
     A name with a folder or an ending is a path, from there, else from the working directory. A bare
-    name is looked for there, in the folder ``robots`` (``rulebases``, ``runs``) in it, next to it and
-    in the working directory, and last among the shipped files.
+    name is looked for there (unless that is the folder of another kind), in the folder ``robots``
+    (``rulebases``, ``runs``) in it, next to it and in the working directory, and last among the
+    shipped files.
 
     Raises:
         SpecError: there is none; the nearest names are given.
@@ -47,13 +48,14 @@ def find(folder: Folder, name: str, beside: Path | None = None) -> Path:
                 return place
         names = sorted(item.name for item in _files(folder, places[0].parent))
         raise SpecError(Problem(f"no such file '{name}'{hint(path.name, names, 'there are')}"))
-    places = [near, near / folder, near / ".." / folder, Path() / folder, shipped_root() / folder]
+    own = [] if near.resolve().name in set(FOLDERS) - {folder} else [near]  # runs/r3.yaml is not the robot r3
+    places = [*own, near / folder, near / ".." / folder, Path() / folder, shipped_root() / folder]
     for place in places:
         for suffix in _SUFFIXES[folder]:
             found = place / f"{name}{suffix}"
             if name and found.is_file() and not _same(found, beside):
                 return found
-    known = {item.stem for place in places[1:] for item in _files(folder, place)}
+    known = {item.stem for place in places[len(own) :] for item in _files(folder, place)}
     raise SpecError(Problem(f"no {_NOUNS[folder]} named '{name}'{hint(name, sorted(known))}"))
 
 

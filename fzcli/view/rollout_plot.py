@@ -130,7 +130,7 @@ def plot_comparison(runs: Sequence[tuple[str, Rollout]], title: str = "") -> "Fi
             gained = True
     dress(left, "time [s]", "base yaw [rad]")
     unit = next((_gain_unit(run) for _, run in runs if gain_names(run)), "")
-    dress(right, "time [s]", with_unit("gain in force", unit))
+    dress(right, "time [s]", with_unit("null-space gain", unit))
     if not gained:
         right.text(
             0.5, 0.5, "no run has a gain", ha="center", va="center", transform=right.transAxes, fontsize=9

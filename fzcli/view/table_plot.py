@@ -91,7 +91,7 @@ def _lost_panel(axes: "Axes", table: Table) -> None:
         x, y = [place for place, _ in points], [share for _, share in points]
         axes.plot(x, y, color=color, marker=marker, markersize=4.5, linewidth=1.5)
     _abscissa(axes, table)
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, max(1.0, axes.get_ylim()[1]))  # all zero: an axis of whole per cent, not of 0.05
     dress(axes, table.row_key, "lost runs [%]")
     axes.set_title(f"lost: {table.lost_rule}", fontsize=8, loc="right")
 

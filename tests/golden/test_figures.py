@@ -36,5 +36,5 @@ def test_figure_is_the_best_match_of_its_criteria(number: int, table2: SweepReco
     row = names["fuzzy"] * 1000 + best
     for name in ("tip_error_mean", "yaw_abs_max", "yaw_abs_mean", "gain_final"):
         assert rollout.metrics[name] == table2.metrics[name][row], name
-    fixed = rollout.variants["fixed gain 1000"].metrics
+    fixed = rollout.variants["fixed gain"].metrics
     assert fixed["yaw_abs_max"] == table2.metrics["yaw_abs_max"][names["fixed"] * 1000 + best]

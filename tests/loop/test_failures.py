@@ -148,7 +148,7 @@ def test_numbers_that_are_none_are_shown_in_their_places() -> None:
 
 
 def test_a_reference_without_end_needs_a_duration() -> None:
-    with pytest.raises(SpecError, match=r"^duration: is missing: the reference 'hold' has no end of its own$"):
+    with pytest.raises(SpecError, match=r"^[^:]+: duration: is missing: the reference 'hold' has no end of its own$"):
         simulate(run_spec(reference={"kind": "hold"}))
 
 

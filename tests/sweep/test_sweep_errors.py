@@ -106,7 +106,7 @@ def test_a_filter_that_lets_nothing_through_says_so() -> None:
 def test_a_sweep_without_end_needs_a_duration() -> None:
     data = sweep_data(reference={"kind": "hold"})
     del data["duration"]
-    with pytest.raises(SpecError, match=r"^duration: is missing: the reference 'hold' has no end of its own$"):
+    with pytest.raises(SpecError, match=r"^[^:]+: duration: is missing: the reference 'hold' has no end of its own$"):
         run_sweep(resolve(document_of(data)))
 
 
