@@ -257,8 +257,9 @@ def _notes(record: SweepRecord, spec: TableSpec) -> tuple[str, ...]:
     for path in (path for path in paths if path not in (spec.rows, spec.columns)):
         inside = [dict.fromkeys(str(config.get(path)) for config in members) for members in cells.values()]
         pooled = [values for values in inside if len(values) > 1]
-        values = dict.fromkeys(value for cell in pooled for value in cell)
         if pooled:
+            met = {value for cell in pooled for value in cell}
+            values = [v for v in dict.fromkeys(str(config.get(path)) for config in record.configs) if v in met]
             who = "each cell pools" if len(pooled) == len(cells) else "some cells pool"
             notes.append(f"{who} {len(values)} values of {path}: {', '.join(values)}")
     return tuple(notes)

@@ -162,8 +162,8 @@ def test_a_table_without_columns_lists_every_metric() -> None:
 def test_pooling_over_a_third_entry_is_said() -> None:
     configs = [{**config, "step": 0.01 if index % 2 else 0.02} for index, config in enumerate(RECORD.configs)]
     table = build_table(dataclasses.replace(RECORD, configs=configs), {**PLAIN, "rows": "step"})
-    assert table.notes == ("cells pool 5 values of controller.gain: 10.0, 100.0, 500.0, 1000.0, 5000.0",)
-    assert "Note: cells pool 5 values of controller.gain" in render(table)
+    assert table.notes == ("each cell pools 5 values of controller.gain: 10.0, 100.0, 500.0, 1000.0, 5000.0",)
+    assert "Note: each cell pools 5 values of controller.gain" in render(table)
 
 
 @pytest.mark.parametrize(
