@@ -1,6 +1,7 @@
 """Where robots, rule bases and runs are found by name, and the copy that ``fzcli init`` makes."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -17,6 +18,13 @@ _SUFFIXES: dict[Folder, tuple[str, ...]] = {
     "runs": (".yaml", ".yml"),
 }
 _COPIED = (".yaml", ".yml", ".urdf", ".csv")
+_KIND = re.compile(r"^kind: *(\w+)", re.MULTILINE)
+_KINDS_IN: dict[Folder, tuple[str, ...]] = {
+    "robots": ("robot",),
+    "rulebases": ("rulebase",),
+    "runs": ("simulate", "sweep"),
+}
+_KINDS = tuple(kind for kinds in _KINDS_IN.values() for kind in kinds)
 _NOUNS: dict[Folder, str] = {"robots": "robot", "rulebases": "rule base", "runs": "run"}
 
 
@@ -32,9 +40,8 @@ def find(folder: Folder, name: str, beside: Path | None = None) -> Path:
 
     ``beside`` is the file that holds the name, or its folder; without one, the working directory.
     A name with a folder or an ending is a path, from there, else from the working directory. A bare
-    name is looked for there (unless that is the folder of another kind), in the folder ``robots``
-    (``rulebases``, ``runs``) in it, next to it and in the working directory, and last among the
-    shipped files.
+    name is looked for there, in the folder ``robots`` (``rulebases``, ``runs``) in it, next to it and
+    in the working directory, and last among the shipped files. A file that says it is of another kind is passed over.
 
     Raises:
         SpecError: there is none; the nearest names are given.
@@ -48,19 +55,29 @@ def find(folder: Folder, name: str, beside: Path | None = None) -> Path:
                 return place
         names = sorted(item.name for item in _files(folder, places[0].parent))
         raise SpecError(Problem(f"no such file '{name}'{hint(path.name, names, 'there are')}"))
-    own = [] if near.resolve().name in set(FOLDERS) - {folder} else [near]  # runs/r3.yaml is not the robot r3
-    places = [*own, near / folder, near / ".." / folder, Path() / folder, shipped_root() / folder]
+    places = [near, near / folder, near / ".." / folder, Path() / folder, shipped_root() / folder]
     for place in places:
         for suffix in _SUFFIXES[folder]:
             found = place / f"{name}{suffix}"
-            if name and found.is_file() and not _same(found, beside):
+            if name and found.is_file() and not _same(found, beside) and not _other_kind(found, folder):
                 return found
-    known = {item.stem for place in places[len(own) :] for item in _files(folder, place)}
+    known = {item.stem for place in places[1:] for item in _files(folder, place)}
     raise SpecError(Problem(f"no {_NOUNS[folder]} named '{name}'{hint(name, sorted(known))}"))
 
 
 def _same(found: Path, beside: Path | None) -> bool:
     return beside is not None and beside.exists() and found.samefile(beside)
+
+
+def _other_kind(found: Path, folder: Folder) -> bool:
+    """Whether the file says that it is of another kind: the run r3 beside a run is not the robot r3."""
+    if found.suffix == ".urdf" or found.resolve().parent.name == folder:
+        return False
+    try:
+        said = _KIND.search(found.read_text(encoding="utf-8", errors="replace")[:100_000])
+    except OSError:
+        return False
+    return said is not None and said[1] in _KINDS and said[1] not in _KINDS_IN[folder]
 
 
 def _files(folder: Folder, place: Path) -> Iterator[Path]:

@@ -25,6 +25,10 @@ def check_one_source(document: Document, own: OwnSection) -> None:
         for other in axes
         if _overlap(path, other)
     ]
+    for path, values in own.file.grid.items():
+        doubled = next((value for i, value in enumerate(values) if value in values[:i]), None)
+        if doubled is not None:
+            problems.append(document.problem(f"{doubled!r} stands twice", ("grid", path), at_key=True))
     if problems:
         raise SpecError(problems)
 
@@ -39,6 +43,8 @@ def check_controller_keys(base: Document, kinds: set[str]) -> None:
     known = {name for kind in kinds for name in controllers()[kind].spec.model_fields}
     if not isinstance(written, dict) or not known:
         return
+    if written.get("kind", next(iter(kinds))) not in controllers():
+        return  # the run itself is refused, by its kind
     problems = [
         base.problem(f"unknown key{hint(key, known)}", ("controller", key), at_key=True)
         for key in written

@@ -44,6 +44,7 @@ def test_a_run_finds_the_robots_beside_its_folder(project: Path) -> None:
 def test_nearer_places_win(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     job = project / "runs" / "job.yaml"
     places = [
+        project / "runs" / "mine.yaml",
         project / "runs" / "robots" / "mine.yaml",
         project / "robots" / "mine.yaml",
         project / "elsewhere" / "robots" / "mine.yaml",
@@ -60,13 +61,6 @@ def test_a_run_named_like_the_robot_is_not_taken_for_it(project: Path) -> None:
     (project / "runs" / "mine.yaml").write_text("kind: simulate\n")
     found = find("robots", "mine", project / "runs" / "job.yaml")
     assert found.samefile(project / "robots" / "mine.yaml")
-
-
-def test_a_file_beside_the_run_is_found_outside_a_folder_of_runs(project: Path) -> None:
-    (project / "mixed").mkdir()
-    (project / "mixed" / "mine.yaml").write_text("kind: robot\n")
-    found = find("robots", "mine", project / "mixed" / "job.yaml")
-    assert found.samefile(project / "mixed" / "mine.yaml")
 
 
 def test_a_file_does_not_find_itself(project: Path) -> None:
