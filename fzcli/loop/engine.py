@@ -1,7 +1,7 @@
 """The two engines that run a closed loop: compiled C over SIMD lanes, and CasADi's virtual machine."""
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Protocol
@@ -98,53 +98,75 @@ class CompiledEngine:
         progress: Callable[[int], None] | None = None,
     ) -> Batch:
         """See `Engine.run`; runs of like length share lanes, so that few lanes idle."""
-        parameters = np.ascontiguousarray(parameters, dtype=np.float64)
-        n_steps = np.ascontiguousarray(n_steps, dtype=np.int64)
-        batch = empty_batch(self.loop, len(n_steps), n_steps, record)
         order = np.argsort(n_steps, kind="stable")
-        pieces = [order[i : i + CHUNK] for i in range(0, len(order), CHUNK)]
+        rows = np.ascontiguousarray(np.asarray(parameters, dtype=np.float64)[order])
+        steps = np.ascontiguousarray(np.asarray(n_steps, dtype=np.int64)[order])
+        ordered = empty_batch(self.loop, len(steps), steps, record)
+        starts = iter(range(0, len(steps), CHUNK))
 
-        def work(piece: NDArray[np.int64]) -> int:
-            self._run_piece(parameters, n_steps, batch, piece)
-            return len(piece)
+        def work() -> Iterator[int]:
+            for start in starts:  # shared by all threads: whoever is free takes the next chunk
+                count = min(CHUNK, len(steps) - start)
+                self._run_chunk(rows, steps, ordered, start, count)
+                yield count
 
-        if jobs == 1 or len(pieces) == 1:
-            for piece in pieces:
-                done = work(piece)
-                if progress:
-                    progress(done)
-        else:
-            with ThreadPoolExecutor(jobs) as pool:
-                for done in pool.map(work, pieces):
-                    if progress:
-                        progress(done)
-        return batch
+        self._spread(work, min(jobs, -(-len(steps) // CHUNK)), progress or _silent)
+        back = np.argsort(order, kind="stable")
+        return Batch(
+            ordered.metrics[back],
+            ordered.ends[back],
+            ordered.stops[back],
+            None if ordered.record is None else ordered.record[back],
+        )
 
-    def _run_piece(
-        self, parameters: Array, n_steps: NDArray[np.int64], batch: Batch, piece: NDArray[np.int64]
-    ) -> None:
-        part = empty_batch(self.loop, len(piece), n_steps[piece], batch.record is not None)
-        rows, steps = np.ascontiguousarray(parameters[piece]), np.ascontiguousarray(n_steps[piece])
-        stride = 0 if part.record is None else part.record.shape[1]
+    def _spread(self, work: Callable[[], Iterator[int]], jobs: int, progress: Callable[[int], None]) -> None:
+        """Do the work on ``jobs`` threads. The calling one is among them and alone reports: a helper that
+        starts while it is busy gets a processor of its own, two that start while it waits may share one.
+        """
+        if jobs <= 1:
+            for count in work():
+                progress(count)
+            return
+        finished: list[int] = []  # by the helpers, a chunk each
+        told = 0
+
+        def help_along() -> None:
+            for count in work():
+                finished.append(count)
+
+        with ThreadPoolExecutor(jobs - 1) as pool:
+            helpers = [pool.submit(help_along) for _ in range(jobs - 1)]
+            for count in work():
+                so_far = len(finished)
+                progress(count + sum(finished[told:so_far]))
+                told = so_far
+            for helper in helpers:
+                helper.result()
+        progress(sum(finished[told:]))
+
+    def _run_chunk(self, rows: Array, steps: NDArray[np.int64], batch: Batch, start: int, count: int) -> None:
+        """Rows ``start`` to ``start + count`` of arrays that lie one run after the other."""
+        record = batch.record
         failed = self.library.fzcli_rollouts(
-            ctypes.c_int64(len(piece)),
-            _pointer(rows),
-            _pointer(steps),
-            _pointer(part.metrics),
-            _pointer(part.ends),
-            _pointer(part.stops),
-            None if part.record is None else _pointer(part.record),
-            ctypes.c_int64(stride),
+            ctypes.c_int64(count),
+            _row(rows, start),
+            _row(steps, start),
+            _row(batch.metrics, start),
+            _row(batch.ends, start),
+            _row(batch.stops, start),
+            None if record is None else _row(record, start),
+            ctypes.c_int64(0 if record is None else record.shape[1]),
         )
         if failed:
             raise MemoryError("no memory for the workspace of a rollout")
-        batch.metrics[piece], batch.ends[piece], batch.stops[piece] = part.metrics, part.ends, part.stops
-        if batch.record is not None and part.record is not None:
-            batch.record[piece, :stride] = part.record
 
 
-def _pointer(array: NDArray[np.generic]) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data)
+def _silent(count: int) -> None:
+    """Nobody listens."""
+
+
+def _row(array: NDArray[np.generic], start: int) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data + start * array.strides[0])
 
 
 class VirtualMachine:

@@ -122,13 +122,16 @@ def plot_comparison(runs: Sequence[tuple[str, Rollout]], title: str = "") -> "Fi
     figure = new_figure(9.5, 3.8)
     left, right = figure.subplots(1, 2)
     gained = False
+    yaws = [roll_pitch_yaw(run.base_quat)[:, 2] for _, run in runs]
     for index, (label, run) in enumerate(runs):
         style = line_style(index)
-        left.plot(run.time, roll_pitch_yaw(run.base_quat)[:, 2], label=label, **style)
+        below = 2 - float(np.nanmax(np.abs(yaws[index]))) / 4  # the calm runs on top of the violent ones
+        left.plot(run.time, yaws[index], label=label, zorder=below, **style)
         for _, values in _gain_histories(run):
             right.plot(run.time, values, **style)
             gained = True
     dress(left, "time [s]", "base yaw [rad]")
+    _clip_spikes(left, yaws)
     unit = next((_gain_unit(run) for _, run in runs if gain_names(run)), "")
     dress(right, "time [s]", with_unit("null-space gain", unit))
     if not gained:
@@ -138,3 +141,14 @@ def plot_comparison(runs: Sequence[tuple[str, Rollout]], title: str = "") -> "Fi
     figure.legend(loc="outside lower center", ncols=min(4, len(runs)), fontsize=9, frameon=False)
     figure.suptitle(title, fontsize=10)
     return figure
+
+
+def _clip_spikes(axes: "Axes", yaws: Sequence[np.ndarray]) -> None:
+    """Where few samples lie far outside, the axis shows the rest, and says how far they go."""
+    every = np.concatenate(yaws)
+    low, high = np.nanpercentile(every, (1, 99))
+    far = float(np.nanmax(np.abs(every)))
+    reach = max(abs(low), abs(high))
+    if far > 5 * reach > 0:
+        axes.set_ylim(-1.6 * reach, 1.6 * reach)
+        axes.set_title(f"spikes reach {far:.2g} rad", fontsize=8, loc="right")
