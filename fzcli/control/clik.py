@@ -9,8 +9,9 @@ from fzcli.control.equation1 import Equation1Spec, Situation, detector, finish, 
 from fzcli.control.law import Law
 from fzcli.model import RobotModel
 from fzcli.spec.quantity import Metric, Parameter, Signal
+from fzcli.spec.units import Frequency
 
-Gain = Annotated[float, Field(ge=0)]
+Gain = Annotated[Frequency, Field(ge=0)]
 
 
 class ClikSpec(Equation1Spec):

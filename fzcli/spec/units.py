@@ -6,12 +6,13 @@ class Run(SpecModel):
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from numbers import Real
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BaseModel, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
@@ -201,3 +202,26 @@ AngularMomentum = Annotated[float, Quantity("angular momentum")]
 Force = Annotated[float, Quantity("force")]
 Torque = Annotated[float, Quantity("torque")]
 Dimensionless = Annotated[float, Quantity("plain number")]
+
+
+def unit_at(model: BaseModel, path: str) -> str:
+    """The SI unit of the field at a dotted path of a model, "1" for a plain number, "" for other than numbers."""
+    *sections, name = path.split(".")
+    for section in sections:
+        model = getattr(model, section)
+    field = type(model).model_fields[name]
+    found = [mark for mark in field.metadata if isinstance(mark, Quantity)] or list(_marks(field.annotation))
+    if found:
+        return " or ".join(dict.fromkeys(dimension.unit for mark in found for dimension in mark.dimensions))
+    value = getattr(model, name)
+    while isinstance(value, tuple) and value:
+        value = value[0]
+    return "1" if isinstance(value, int | float) and not isinstance(value, bool) else ""
+
+
+def _marks(annotation: Any) -> Iterator[Quantity]:
+    for part in get_args(annotation):
+        if isinstance(part, Quantity):
+            yield part
+        else:
+            yield from _marks(part)

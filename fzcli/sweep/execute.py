@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.errors import Problem, SpecError
+from fzcli.errors import FzcliError, Problem, SpecError
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.rollout import Provenance, Rollout
 from fzcli.loop.run_spec import SimulateRun
@@ -22,8 +22,10 @@ from fzcli.spec.library import find, shipped_root
 from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.reader import read
+from fzcli.spec.units import unit_at
 from fzcli.sweep.builds import Build, Builds, Rows, rows_of, split
 from fzcli.sweep.resolve import Sweep, resolve
+from fzcli.sweep.sweep_spec import Condition
 from fzcli.sweep.trajectories import Drawing, draw_trajectories
 
 Array = NDArray[np.float64]
@@ -60,6 +62,7 @@ def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, a
     for spec in [*sweep.specs, *([sweep.filter] if sweep.filter else [])]:
         _check_rank(spec, builds.of(spec))
     _check_table(sweep, builds)
+    _check_filter(sweep, builds)
     tell("compiling", 0, 1)
     builds.compile(record=False, jobs=jobs)
     drawing = draw_trajectories(sweep, builds, jobs, tell)
@@ -76,7 +79,7 @@ def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, a
     return SweepRecord(
         configs=sweep.changes,
         metrics=metrics,
-        metric_info=_metric_info(loops),
+        metric_info={**_metric_info(loops), **_field_info(sweep)},
         certificate_names=_certificate_names(loops),
         draws=_draws_by_path(sweep, drawing),
         draw_info={"candidates": drawing.candidates, "accepted": count} if sweep.filter else {},
@@ -89,7 +92,26 @@ def _check_table(sweep: Sweep, builds: Builds) -> None:
     spec = table_spec(sweep)
     if spec is not None:
         loops = [builds.of(one).loop for one in sweep.specs]
-        check_names(sweep.changes, _metric_info(loops), spec)
+        try:
+            check_names(sweep.changes, _metric_info(loops), spec)
+        except FzcliError as error:
+            text = str(error).removeprefix("table: ")
+            raise SpecError(sweep.document.problem(text, ("table",))) from None
+
+
+def _check_filter(sweep: Sweep, builds: Builds) -> None:
+    """The conditions of a filter must speak of metrics that its run has."""
+    keep_if = sweep.file.trajectories.keep_if
+    if sweep.filter is None or keep_if is None:
+        return
+    names = [metric.name for metric in builds.of(sweep.filter).loop.metrics]
+    problems = [
+        sweep.document.problem(f"no metric {wanted!r}{hint(wanted, names)}", ("trajectories", "keep_if", "that", i))
+        for i, wanted in enumerate(Condition.of(text).metric for text in keep_if.that)
+        if wanted not in names
+    ]
+    if problems:
+        raise SpecError(problems)
 
 
 def _check_rank(spec: SimulateRun, build: Build) -> None:
@@ -150,6 +172,17 @@ def _metric_info(loops: list[ClosedLoop]) -> dict[str, Signal]:
     info = {m.name: Signal(m.name, m.unit, m.long_name) for loop in loops for m in loop.metrics}
     info["n_steps"] = Signal("n_steps", "1", "steps taken")
     return info
+
+
+def _field_info(sweep: Sweep) -> dict[str, Signal]:
+    """Units of the fields that differ between runs, by dotted path."""
+    paths = {path for changes in sweep.changes for path in changes} | {one.path for one in sweep.draws}
+    found = {}
+    for path in sorted(paths):
+        spec = next((spec for spec in sweep.specs if spec.has(path)), None)
+        if spec is not None:
+            found[path] = Signal(path, unit_at(spec, path), f"{path} of the run")
+    return found
 
 
 def _certificate_names(loops: list[ClosedLoop]) -> tuple[str, ...]:

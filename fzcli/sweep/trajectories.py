@@ -108,10 +108,6 @@ def _meets(metrics: tuple[object, ...], batch: Batch, conditions: list[Condition
     names = [getattr(metric, "name", "") for metric in metrics]
     good = np.asarray(batch.stops == 0)
     for condition in conditions:
-        if condition.metric not in names:
-            raise FilterError(
-                f"trajectories.keep_if: no metric {condition.metric!r}; there are {', '.join(names)}"
-            )
         values = batch.metrics[:, names.index(condition.metric)]
         compare = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}[condition.sign]
         good &= compare(values, condition.limit)

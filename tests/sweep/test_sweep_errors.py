@@ -87,11 +87,10 @@ def _filtered(that: str) -> dict[str, Any]:
 
 
 def test_a_filter_on_an_unknown_metric_names_those_there_are() -> None:
-    with pytest.raises(FilterError) as caught:
+    with pytest.raises(SpecError) as caught:
         run_sweep(resolve(document_of(_filtered("tip_eror_max < 1"))))
-    assert str(caught.value).startswith(
-        "trajectories.keep_if: no metric 'tip_eror_max'; there are tip_error_mean, tip_error_max, yaw_abs_max"
-    )
+    text = "trajectories.keep_if.that.0: no metric 'tip_eror_max'; did you mean 'tip_error_max'?"
+    assert str(caught.value) == f"<python>: {text}"
 
 
 def test_a_filter_that_lets_nothing_through_says_so() -> None:
@@ -136,3 +135,14 @@ def test_drawn_bounds_are_those_that_judge_or_are_refused() -> None:
         return
     judged = (record.metrics["tip_error_max"] > record.draws["bounds.tip_error"][:, 0]).astype(int)
     assert judged.tolist() == record.metrics["status"].tolist()
+
+
+def test_drawn_and_swept_fields_carry_their_units() -> None:
+    data = sweep_data(
+        trajectories={"count": 2, "draw": {"start.q": {"uniform": [[0.9] * 4, [1.0] * 4]}, **LENGTH}},
+        grid={"controller.gain": [1, 2]},
+    )
+    info = run_sweep(resolve(document_of(data))).metric_info
+    assert info["start.q"].unit == "rad or m"
+    assert info["reference.length"].unit == "m"
+    assert info["controller.gain"].unit == "1/s"
