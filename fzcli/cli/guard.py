@@ -14,6 +14,7 @@ import typer
 from fzcli.errors import FzcliError
 
 FAILED = 1
+received: list[int] = []  # signals that asked this process to end
 
 
 class OutputError(FzcliError):
@@ -55,6 +56,9 @@ def guarded(command: F) -> F:
         except (typer.Exit, SystemExit):
             raise
         except Exception as error:
+            if received:  # CasADi's C++ turns an exception that a signal raised inside it into one of its own
+                say("interrupted")
+                raise typer.Exit(128 + received[0]) from None
             if debugging():
                 raise
             text = str(error).strip().partition("\n")[0]
@@ -105,10 +109,14 @@ def discard_output() -> None:
         os.close(null)
 
 
-def end_on_sigterm() -> None:
-    """Let SIGTERM unwind the stack, so that temporary files go, and end with 143."""
+def end_on_signals() -> None:
+    """Let SIGINT and SIGTERM unwind the stack, so that temporary files go, and end with 130 and 143."""
 
     def stop(number: int, frame: FrameType | None) -> None:
+        received.append(number)
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
         raise SystemExit(128 + number)
 
     signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, stop)

@@ -7,7 +7,7 @@ import typer
 from fzcli import __version__
 from fzcli.cli.find import find
 from fzcli.cli.get import get
-from fzcli.cli.guard import end_on_sigterm
+from fzcli.cli.guard import end_on_signals
 from fzcli.cli.info import info
 from fzcli.cli.init import init
 from fzcli.cli.plot import plot
@@ -50,7 +50,7 @@ def _all(
 
 def main() -> None:
     """Run the command line and exit with its code."""
-    end_on_sigterm()
+    end_on_signals()
     app()
 
 
