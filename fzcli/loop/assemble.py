@@ -74,11 +74,6 @@ def step_counts(loop: ClosedLoop, spec: SimulateRun, parameters: Array) -> NDArr
 MOST_STEPS = 10**8
 
 
-def lane_count(runs: int) -> int | None:
-    """Lanes for so many runs: one for a single run, the machine's register width for more."""
-    return 1 if runs == 1 else None
-
-
 def finite_or_nan(value: float) -> float:
     """Totals that never saw a sample become NaN."""
     return value if math.isfinite(value) and abs(value) < 1e299 else math.nan

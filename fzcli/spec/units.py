@@ -192,8 +192,6 @@ Mass = Annotated[float, Quantity("mass")]
 InertiaMoment = Annotated[float, Quantity("moment of inertia")]
 Speed = Annotated[float, Quantity("speed")]
 AngularSpeed = Annotated[float, Quantity("angular speed")]
-Acceleration = Annotated[float, Quantity("acceleration")]
-AngularAcceleration = Annotated[float, Quantity("angular acceleration")]
 JointValue = Annotated[float, Quantity("angle", "length")]
 JointSpeed = Annotated[float, Quantity("angular speed", "speed")]
 Frequency = Annotated[float, Quantity("frequency")]
@@ -201,7 +199,6 @@ Momentum = Annotated[float, Quantity("momentum")]
 AngularMomentum = Annotated[float, Quantity("angular momentum")]
 Force = Annotated[float, Quantity("force")]
 Torque = Annotated[float, Quantity("torque")]
-Dimensionless = Annotated[float, Quantity("plain number")]
 
 
 def unit_at(model: BaseModel, path: str) -> str:
