@@ -8,7 +8,6 @@ import typer
 
 from fzcli.cli.guard import emit, guarded
 from fzcli.cli.options import TableFormat, colored, table_width
-from fzcli.errors import RecordError
 
 if TYPE_CHECKING:
     from fzcli.record.table_spec import TableSpec
@@ -31,16 +30,14 @@ def table(
     spec = read_table_spec(file)
     record = read_sweep(file)
     spec = spec or default_table(record.configs)
-    if spec is None:
-        raise RecordError(f"{file}: one configuration and no table section: there is nothing to tabulate")
     emit(render(build_table(record, spec), format.value, table_width(), colored()))
 
 
-def default_table(configs: Sequence[Mapping[str, Any]]) -> "TableSpec | None":
-    """A table for a sweep that asks for none: its first field down the rows, its second across."""
+def default_table(configs: Sequence[Mapping[str, Any]]) -> "TableSpec":
+    """A table for a sweep that asks for none: its fields down the rows and across where two vary, else a row each."""
     from fzcli.record.table_spec import TableSpec
 
     paths = list(dict.fromkeys(path for config in configs for path in config))
-    if not paths:
-        return None
+    if not paths or len(paths) > 2:
+        return TableSpec()
     return TableSpec(rows=paths[0], columns=paths[1] if len(paths) > 1 else None)

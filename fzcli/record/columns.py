@@ -1,7 +1,7 @@
 """A Rollout as a list of columns (names, units, labelled axes) and back: what its files have in common."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import h5py
@@ -70,7 +70,8 @@ def _signal_key(name: str, values: Array, rollout: Rollout) -> Key:
         axis = "joint"
     else:
         axis = KNOWN_LABELS.get(components, f"{name}_component")
-    return Key(stored, Signal(name, info.unit, info.long_name, components), axis, is_signal=True)
+    quantity = Signal(name, info.unit, info.long_name, components, info.truth)
+    return Key(stored, quantity, axis, is_signal=True)
 
 
 def write_axes(writer: GroupWriter, keys: Iterable[Key]) -> dict[Key, tuple[str, str]]:
@@ -101,7 +102,8 @@ def write_axes(writer: GroupWriter, keys: Iterable[Key]) -> dict[Key, tuple[str,
 def column_attributes(key: Key) -> dict[str, Any]:
     """Attributes that let ``read_key`` find the quantity again."""
     units = {"component_units": list(key.units)} if key.units else {}
-    return {"quantity": key.quantity.name, "is_signal": np.int8(key.is_signal), **units}
+    truth = {"truth": np.int8(True)} if key.quantity.truth else {}
+    return {"quantity": key.quantity.name, "is_signal": np.int8(key.is_signal), **units, **truth}
 
 
 def read_key(group: h5py.Group, dataset: h5py.Dataset) -> Key:
@@ -109,7 +111,7 @@ def read_key(group: h5py.Group, dataset: h5py.Dataset) -> Key:
     axis = dimension_names(dataset)[-1] if dataset.ndim and dimension_names(dataset)[-1] not in _TIMES else ""
     labels = read_texts(group[axis]) if axis else ()
     stored = dataset.name.rsplit("/", 1)[-1]
-    info = Signal(dataset.attrs["quantity"], dataset.attrs["units"], dataset.attrs["long_name"], labels)
+    info = replace(read_signal(dataset.attrs["quantity"], dataset), components=labels)
     units = tuple(str(unit) for unit in dataset.attrs.get("component_units", ()))
     return Key(stored, info, axis, bool(dataset.attrs["is_signal"]), units)
 
@@ -138,7 +140,8 @@ def write_numbers(
         present = [name in row for row in rows]
         marks: dict[str, Any] = {} if all(present) else {"present": np.array(present, dtype=np.int8)}
         about = Name(name, signal.unit, signal.long_name, dims)
-        writer.array(about, values if dims else values[0], described=np.int8(name in info), **marks)
+        marks |= {"described": np.int8(name in info), "truth": np.int8(signal.truth)}
+        writer.array(about, values if dims else values[0], **marks)
 
 
 def read_numbers(group: h5py.Group, row: int | None = None) -> tuple[dict[str, float], dict[str, Signal]]:
@@ -152,8 +155,18 @@ def read_numbers(group: h5py.Group, row: int | None = None) -> tuple[dict[str, f
             continue
         numbers[name] = float(dataset[()] if row is None else dataset[row])
         if dataset.attrs["described"]:
-            info[name] = Signal(name, dataset.attrs["units"], dataset.attrs["long_name"])
+            info[name] = read_signal(name, dataset)
     return numbers, info
+
+
+def read_signal(name: str, dataset: h5py.Dataset) -> Signal:
+    """What a dataset says of its values, without the names of their components.
+
+    ``truth`` is False where the file does not say.
+    """
+    attributes = dataset.attrs
+    truth = bool(attributes.get("truth", False))
+    return Signal(name, attributes["units"], attributes["long_name"], truth=truth)
 
 
 def build_rollout(

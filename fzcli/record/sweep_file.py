@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from fzcli.record.columns import read_signal
 from fzcli.record.hdf5 import (
     GroupWriter,
     Precision,
@@ -67,9 +68,7 @@ def read_sweep(path: Path | str) -> SweepRecord:
             configs=read_configs(file),
             metrics=metrics,
             metric_info={
-                name: Signal(name, file[name].attrs["units"], file[name].attrs["long_name"])
-                for name in metrics
-                if file[name].attrs["described"]
+                name: read_signal(name, file[name]) for name in metrics if file[name].attrs["described"]
             },
             certificate_names=tuple(name for name in metrics if file[name].attrs["certificate"]),
             draws={name: dataset[...] for name, dataset in file["draws"].items() if dataset.ndim == 2},
@@ -118,6 +117,7 @@ def _write_metrics(writer: GroupWriter, record: SweepRecord) -> None:
             continue
         signal = signal_of(name, record.metric_info.get(name))
         values = np.asarray(values) if name in INDEX_COLUMNS else np.asarray(values, dtype=np.float64)
+        marks["truth"] = np.int8(signal.truth)
         writer.array(Name(name, signal.unit, signal.long_name, ("run",)), values, **marks)
     indices = [name for name in ("config", "trajectory") if name in record.metrics]
     writer.group.attrs["coordinates"] = " ".join(indices)

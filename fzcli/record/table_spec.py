@@ -18,12 +18,14 @@ _RULE = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?P<sign><=|>=|<|>)\s*(?P<limit
 class TableSpec:
     """Which configuration entry goes down the rows, which across, and which metrics are shown.
 
+    ``configuration``, which rows are where none are named, stands for all that a configuration changes
+    beside the entry on the other axis; entries that only go along with that one are left out.
     ``show`` may name counts (runs, lost, flagged, failed) beside metrics; they are always given.
     ``lost`` is the condition that counts a run as lost. ``beside_text`` is the text of the CSV file
     ``beside``: published numbers by row, column and metric.
     """
 
-    rows: str
+    rows: str = "configuration"
     columns: str | None = None
     show: tuple[str, ...] = ()
     lost: str | None = None
@@ -35,16 +37,16 @@ class TableSpec:
         """From the section, a mapping or a model with these fields; ``beside`` is sought in ``folders``.
 
         Raises:
-            UsageError: no rows are named, or an entry is unknown.
+            UsageError: an entry is unknown, or rows are empty.
             RecordError: the file beside is missing.
         """
         if isinstance(section, TableSpec):
             return section
         fields = dict(section) if isinstance(section, Mapping) else section.model_dump()
         unknown = set(fields) - {"rows", "columns", "show", "lost", "beside"}
-        if unknown or not fields.get("rows"):
+        if unknown or not fields.setdefault("rows", cls.rows):
             detail = (
-                f"unknown entry {sorted(unknown)[0]!r}" if unknown else "rows: missing, name a grid entry"
+                f"unknown entry {sorted(unknown)[0]!r}" if unknown else "rows: empty, name an entry of the grid or list"
             )
             raise UsageError(f"table: {detail}; it takes rows, columns, show, lost, beside")
         fields["show"] = tuple(fields.get("show") or ())

@@ -6,12 +6,16 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Signal:
-    """A named quantity: unit, one line of meaning, and the names of its components (empty: a scalar)."""
+    """A named quantity: unit, one line of meaning, and the names of its components (empty: a scalar).
+
+    ``truth``: its values are 1 (true) and 0 (false), so that over many runs it has a share, not a spread.
+    """
 
     name: str
     unit: str
     long_name: str
     components: tuple[str, ...] = ()
+    truth: bool = False
 
     @property
     def size(self) -> int:
@@ -35,10 +39,11 @@ Reduction = Literal["mean", "max", "min", "last"]
 
 @dataclass(frozen=True)
 class Metric:
-    """One number a run, reduced from a scalar signal over all samples."""
+    """One number a run, reduced from a scalar signal over all samples; ``truth`` as of a Signal."""
 
     name: str
     signal: str
     reduction: Reduction
     unit: str
     long_name: str
+    truth: bool = False

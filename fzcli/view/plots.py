@@ -10,22 +10,27 @@ from fzcli.record.rollout_file import read_rollout
 from fzcli.record.sweep_file import config_text, read_sweep, read_table_spec
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table import build_table
-from fzcli.spec.reader import read_text
+from fzcli.view.arm_plot import configurations_figure, tip_path_figure
+from fzcli.view.joint_plot import joints_figure
+from fzcli.view.reach_plot import reach_figure
 from fzcli.view.rollout_plot import plot_comparison, rollout_figure
 from fzcli.view.style import output_path, save
 from fzcli.view.table_plot import table_figure
+from fzcli.view.target import has_target, spec_section
 
 SWEEP_FIGURES = ("table", "comparison", "runs")
-RUN_FIGURES = ("run", "comparison")
+TARGET_FIGURES = ("configurations", "tip_path", "joints", "reach")
+RUN_FIGURES = ("run", "comparison", *TARGET_FIGURES)
 
 
 def plot(path: Path | str, out: Path | str | None = None, what: str | None = None) -> list[Path]:
     """Draws a result file; gives the paths of the figures, png unless ``out`` has another suffix.
 
-    A run: "comparison" (yaw and gains of all) where it has variants, else "run". A sweep: "table" (needs
-    a table section), "comparison" (kept runs of one trajectory), "runs" (each kept run); without ``what``
-    the first two where they apply, the last where neither does. ``out`` is a file (one figure) or a
-    folder; None is beside ``path``.
+    A run: without ``what`` those with a target are drawn as "configurations", "tip_path", "joints" and
+    "reach", others as "comparison" (yaw and gains of all) where they have variants, else as "run". A sweep:
+    "table" (needs a table section), "comparison" (kept runs of one trajectory), "runs" (each kept run);
+    without ``what`` the first two where they apply, the last where neither does. ``out`` is a file (one
+    figure) or a folder; None is beside ``path``.
 
     Raises:
         RecordError: the file cannot be read, or has nothing to draw as ``what``.
@@ -36,10 +41,7 @@ def plot(path: Path | str, out: Path | str | None = None, what: str | None = Non
     known = RUN_FIGURES if kind == "rollout" else SWEEP_FIGURES
     if what is not None and what not in known:
         raise UsageError(f"plot: {what!r}: of a {kind} there are {', '.join(known)}")
-    if kind == "rollout":
-        tag, figure = _run_figure(path, what)
-        return [save(figure, output_path(path, out, tag))]
-    figures = _sweep_figures(path, what)
+    figures = _run_figures(path, what) if kind == "rollout" else _sweep_figures(path, what)
     if len(figures) > 1 and out is not None and Path(out).suffix and not Path(out).is_dir():
         names = ", ".join(tag for tag, _ in figures)
         raise UsageError(
@@ -48,21 +50,41 @@ def plot(path: Path | str, out: Path | str | None = None, what: str | None = Non
     return [save(figure, output_path(path, out, tag)) for tag, figure in figures]
 
 
-def _run_figure(path: Path, what: str | None) -> tuple[str, Any]:
+def _run_figures(path: Path, what: str | None) -> list[tuple[str, Any]]:
     rollout = read_rollout(path)
-    if what == "run" or (what is None and not rollout.variants):
-        return "run", rollout_figure(rollout, path.stem)
-    if not rollout.variants:
-        raise RecordError(f"{path}: holds one run without variants, nothing to compare")
-    runs = [*rollout.variants.items(), (_law(rollout) or path.stem, rollout)]
-    return "comparison", plot_comparison(runs, path.stem)
+    if what is not None:
+        tags: tuple[str, ...] = (what,)
+    elif has_target(rollout):
+        tags = TARGET_FIGURES
+    else:
+        tags = ("comparison" if rollout.variants else "run",)
+    try:
+        return [(tag, _run_figure(rollout, tag, path.stem)) for tag in tags]
+    except RecordError as error:
+        raise RecordError(f"{path}: {error}") from error
 
 
-def _law(rollout: Rollout) -> str:
-    """The run's kind of controller, by its own specification; empty where that does not say."""
-    value = read_text(rollout.provenance.spec_text).value
-    controller = value.get("controller") if isinstance(value, dict) else None
-    return str(controller.get("kind", "")) if isinstance(controller, dict) else ""
+def _run_figure(rollout: Rollout, what: str, title: str) -> Any:
+    if what == "comparison" and not rollout.variants:
+        raise RecordError("holds one run without variants, nothing to compare")
+    variants, own = [*rollout.variants.items()], (_own_label(rollout, title), rollout)
+    if what == "comparison":
+        return plot_comparison([*variants, own], title)
+    if what == "reach":
+        return reach_figure([own, *variants], title)
+    draw = {
+        "run": rollout_figure,
+        "configurations": configurations_figure,
+        "tip_path": tip_path_figure,
+        "joints": joints_figure,
+    }
+    return draw[what](rollout, title)
+
+
+def _own_label(rollout: Rollout, fallback: str) -> str:
+    """What the run is called beside its variants: its kind of controller, where that tells it from them."""
+    kind = str(spec_section(rollout, "controller").get("kind", ""))
+    return kind if kind and kind not in rollout.variants else fallback
 
 
 def _sweep_figures(path: Path, what: str | None) -> list[tuple[str, Any]]:
@@ -78,7 +100,8 @@ def _sweep_figures(path: Path, what: str | None) -> list[tuple[str, Any]]:
         if len(runs) > 1:
             title = f"{path.stem}, trajectory {runs[0].trajectory}"
             labelled = [(config_label(record, run.config), run.rollout) for run in runs]
-            figures.append(("comparison", plot_comparison(labelled, title)))
+            draw = reach_figure if all(has_target(run.rollout) for run in runs) else plot_comparison
+            figures.append(("comparison", draw(labelled, title)))
         elif what == "comparison":
             raise RecordError(f"{path}: keeps no two configurations of one trajectory to compare")
     if what == "runs" or (what is None and not figures):

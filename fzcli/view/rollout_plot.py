@@ -1,6 +1,7 @@
 """Figures of single runs: one run whole, and several side by side."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,10 +18,12 @@ Panel = Callable[["Axes", Rollout], None]
 
 
 def rollout_figure(rollout: Rollout, title: str = "") -> "Figure":
-    """One run over time: joints, tip error, base attitude, gains, oscillating joints: what it has."""
+    """One run over time, what it has of: joints, tip errors, base attitude, gains, oscillating joints."""
     panels: list[Panel] = [_joints]
     if "tip_error" in rollout.signals:
-        panels.append(_tip_error)
+        panels.append(partial(_error, name="tip_error"))
+    if "target_distance" in rollout.signals:
+        panels.append(partial(_error, name="target_distance"))
     panels.append(_attitude)
     if gain_names(rollout):
         panels.append(_gains)
@@ -56,14 +59,14 @@ def _joints(axes: "Axes", run: Rollout) -> None:
     side_legend(axes)
 
 
-def _tip_error(axes: "Axes", run: Rollout) -> None:
-    values = np.asarray(run.signals["tip_error"])
+def _error(axes: "Axes", run: Rollout, name: str) -> None:
+    values = np.asarray(run.signals[name])
     shown = np.where(values > 0, values, np.nan)
     axes.plot(run.time, shown, label="tip", **line_style(0))
     if np.isfinite(shown).any():
         axes.set_yscale("log")
-    unit = run.signal_info["tip_error"].unit if "tip_error" in run.signal_info else "m"
-    dress(axes, "time [s]", with_unit("tip error", unit))
+    unit = run.signal_info[name].unit if name in run.signal_info else "m"
+    dress(axes, "time [s]", with_unit(name, unit))
 
 
 def _attitude(axes: "Axes", run: Rollout) -> None:

@@ -131,3 +131,31 @@ TABLE = {
     "show": ["tip_error_mean", "yaw_abs_max", "yaw_abs_mean", "oscillating_joints_mean", "lost"],
     "beside": "bulgarelli2011-table2.csv",
 }
+
+REACHED = {
+    "arrived": Signal("arrived", "1", "whether the target was reached", truth=True),
+    "arrival_time": Signal("arrival_time", "s", "time to the target"),
+    "target_distance_final": Signal("target_distance_final", "m", "distance from the target at the end"),
+    "restarts": Signal("restarts", "1", "searches for another posture"),
+}
+
+
+def make_reaching_sweep(
+    configs: list[dict[str, Any]], shares: tuple[float, ...], trajectories: int = 500, seed: int = 0
+) -> SweepRecord:
+    """A sweep of runs that reach a target or not: of each configuration about this share, on the same targets."""
+    rng = np.random.default_rng(seed)
+    size = (len(configs), trajectories)
+    hardness = rng.random(trajectories)
+    arrived = 0.7 * hardness + 0.3 * rng.random(size) < np.array(shares)[:, None]
+    time = rng.lognormal(-0.3, 0.5, size) * (1 + 0.3 * np.arange(len(configs)))[:, None]
+    metrics = {
+        "config": np.repeat(np.arange(len(configs)), trajectories),
+        "trajectory": np.tile(np.arange(trajectories), len(configs)),
+        "status": np.zeros(arrived.size, dtype=np.int8),
+        "arrived": arrived.ravel().astype(float),
+        "arrival_time": np.where(arrived, time, np.nan).ravel(),
+        "target_distance_final": np.where(arrived, 0.009 * rng.random(size), rng.random(size)).ravel(),
+        "restarts": rng.poisson(0.2, size).ravel().astype(float),
+    }
+    return SweepRecord(configs, metrics, REACHED, (), {}, {}, (), ORIGIN)

@@ -99,6 +99,10 @@ def test_table_figure_draws_the_tables_numbers() -> None:
         "yaw abs mean [rad]",
         "oscillating joints mean",
         "lost runs [%]",
+        "tip error mean less that\nof clik [m]",
+        "yaw abs max less that\nof clik [rad]",
+        "yaw abs mean less that\nof clik [rad]",
+        "oscillating joints mean less that\nof clik",
     ]
     yaw = figure.axes[2]
     assert yaw.get_xscale() == "log"
