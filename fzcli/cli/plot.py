@@ -27,7 +27,8 @@ def plot(
         str | None,
         typer.Option(
             "--what",
-            help="Of a run: run or comparison; of a sweep: table, comparison or runs. Default: what fits.",
+            help="Of a run: run, comparison, or with a target configurations, tip_path, joints or reach; "
+            "of a sweep: table, comparison or runs. Default: what fits.",
         ),
     ] = None,
 ) -> None:

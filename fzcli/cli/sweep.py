@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -90,15 +91,30 @@ def _table(resolved: "Sweep", record: "SweepRecord", format: TableFormat) -> str
     from fzcli.sweep.execute import table_spec
 
     spec = table_spec(resolved) or default_table(record.configs)
-    return "" if spec is None else render(build_table(record, spec), format.value, table_width(), colored())
+    return render(build_table(record, spec), format.value, table_width(), colored())
 
 
 def _judge(resolved: "Sweep", record: "SweepRecord") -> None:
     """Say how many runs failed; end with 1 when they were not expected to."""
     from fzcli.sweep.execute import unexpected_failures
 
+    for line in _unreached(record):
+        say(line)
     failed = int((record.metrics["status"] == 2).sum())
     unexpected = unexpected_failures(resolved, record)
     if unexpected:
         say(f"{failed} runs failed, {unexpected} of them in configurations that were not expected to")
         raise typer.Exit(FAILED)
+
+
+def _unreached(record: "SweepRecord") -> Iterator[str]:
+    """Why runs with a target did not reach it, a line a reason."""
+    from fzcli.loop.verdict import OUTCOMES
+
+    found = record.metrics.get("outcome")
+    if found is None:
+        return
+    for code, outcome in enumerate(OUTCOMES[1:], start=1):
+        count = int((found == code).sum())
+        if count:
+            yield f"{count} of {len(found)} runs did not reach their target: {outcome.text}"

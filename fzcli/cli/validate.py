@@ -70,10 +70,10 @@ def check(path: Path) -> str:
 
 def _check_simulation(document: "Document") -> None:
     from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
-    from fzcli.loop.simulate import run_of, variants_of
+    from fzcli.loop.simulate import runs_of
 
-    spec = run_of(document)
-    for one in (spec, *variants_of(document, spec).values()):
+    spec, variants = runs_of(document)
+    for one in (spec, *variants.values()):
         loop = closed_loop(one, record=False)
         step_counts(loop, one, parameter_row(one, loop.parameters)[None, :])
 

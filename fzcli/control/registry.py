@@ -3,7 +3,7 @@
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
-from fzcli.control import clik, fuzzy_clik, unconstrained
+from fzcli.control import clik, dls, fabrik, fuzzy_clik, unconstrained
 from fzcli.control.law import Controller
 from fzcli.errors import UsageError
 
@@ -13,6 +13,8 @@ _OWN = (
     Controller(unconstrained.UnconstrainedSpec, unconstrained.build),
     Controller(clik.ClikSpec, clik.build),
     Controller(fuzzy_clik.FuzzyClikSpec, fuzzy_clik.build),
+    Controller(fabrik.FabrikSpec, fabrik.build, fabrik.misfits),
+    Controller(dls.DlsSpec, dls.build, dls.misfits),
 )
 
 

@@ -1,6 +1,5 @@
 """From a run spec to a closed loop, its engine, and the row of numbers it takes."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -25,16 +24,18 @@ def closed_loop(spec: SimulateRun, record: bool, model: RobotModel | None = None
     ``model`` saves building the robot's model again.
     """
     model = model or build_model(spec.robot)
+    tip = getattr(spec.controller, "tip", None)
     parts = Parts(
         model=model,
         law=controllers()[spec.controller.kind].build(model, spec.controller),
-        plant=kinematic_plant(model),
-        reference=TIP_REFERENCES[spec.reference.kind].build(spec.reference),
+        plant=kinematic_plant(model, spec.plant == "translation_only", spec.method == "gauss_magnus"),
+        reference=TIP_REFERENCES[spec.reference.kind].build(spec.reference, model, tip),
         base_reference=BASE_REFERENCES[spec.base_reference.kind].build(spec.base_reference),
-        tip=getattr(spec.controller, "tip", None),
+        tip=tip,
         dt=spec.step,
         method=spec.method,
         drifting=spec.start.drifting,
+        stop=spec.stop,
     )
     return build_closed_loop(parts, record)
 
@@ -52,12 +53,13 @@ def parameter_values(spec: SimulateRun, parameter: Parameter) -> Array:
 
 
 def step_counts(loop: ClosedLoop, spec: SimulateRun, parameters: Array) -> NDArray[np.int64]:
-    """Steps of every run (rows of ``parameters``): ``duration``, else that of the reference, over the step.
+    """Steps of every run (rows of ``parameters``): ``duration`` or ``stop.after``, else the reference's, over the step.
 
     Raises SpecError when neither ends.
     """
-    if spec.duration is not None:
-        seconds = np.full(len(parameters), spec.duration)
+    given = spec.duration if spec.stop is None else spec.stop.after
+    if given is not None:
+        seconds = np.full(len(parameters), given)
     else:
         seconds = np.array(loop.duration.map(len(parameters))(parameters.T)).ravel()
     if not np.isfinite(seconds).all():
@@ -72,8 +74,3 @@ def step_counts(loop: ClosedLoop, spec: SimulateRun, parameters: Array) -> NDArr
 
 
 MOST_STEPS = 10**8
-
-
-def finite_or_nan(value: float) -> float:
-    """Totals that never saw a sample become NaN."""
-    return value if math.isfinite(value) and abs(value) < 1e299 else math.nan

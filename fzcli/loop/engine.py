@@ -4,14 +4,14 @@ import ctypes
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import EngineError
-from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.compiler import ISA_LANES, Compiler, build_library, find_compiler, host_isa
+from fzcli.loop.rollable import Rollable
 from fzcli.loop.source import c_source
 
 Array = NDArray[np.float64]
@@ -24,18 +24,28 @@ class Batch:
     """Results of several runs: metrics (runs, k), ends (runs) the last sample, stops (runs) codes.
 
     ``record`` (runs, samples, signals) is present when it was asked for; rows after a run's end are NaN.
+    ``states`` (runs, n): where a run was paused, the state before the step at ``ends``.
     """
 
     metrics: Array
     ends: NDArray[np.int64]
     stops: NDArray[np.int64]
     record: Array | None
+    states: Array
+
+
+@dataclass(frozen=True)
+class Resume:
+    """Where paused runs go on: ``begins`` (runs) the sample, ``states`` (runs, n) before it."""
+
+    begins: NDArray[np.int64]
+    states: Array
 
 
 class Engine(Protocol):
     """Something that runs closed loops."""
 
-    loop: ClosedLoop
+    loop: Any
     name: str
 
     def run(
@@ -46,8 +56,12 @@ class Engine(Protocol):
         record: bool = False,
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
+        resume: Resume | None = None,
     ) -> Batch:
-        """Run every row of ``parameters`` (runs, p) for its number of steps; ``progress`` gets run counts."""
+        """Run every row of ``parameters`` (runs, p) for its number of steps; ``progress`` gets run counts.
+
+        ``resume``: the runs were paused, and go on from there.
+        """
         ...
 
 
@@ -56,7 +70,7 @@ def longest(n_steps: NDArray[np.int64]) -> int:
     return int(np.max(n_steps, initial=0))
 
 
-def empty_batch(loop: ClosedLoop, runs: int, n_steps: NDArray[np.int64], record: bool) -> Batch:
+def empty_batch(loop: Rollable, runs: int, n_steps: NDArray[np.int64], record: bool) -> Batch:
     """Room for the results of ``runs`` runs."""
     samples = longest(n_steps) + 1
     shape = (runs, samples, loop.step.size1_out("signals"))
@@ -65,6 +79,7 @@ def empty_batch(loop: ClosedLoop, runs: int, n_steps: NDArray[np.int64], record:
         np.zeros(runs, dtype=np.int64),
         np.zeros(runs, dtype=np.int64),
         np.full(shape, np.nan) if record else None,
+        np.zeros((runs, loop.step.size1_in("state"))),
     )
 
 
@@ -75,7 +90,7 @@ class CompiledEngine:
     """
 
     def __init__(
-        self, loop: ClosedLoop, lanes: int | None = None, compiler: Compiler | None = None, isa: str | None = None
+        self, loop: Rollable, lanes: int | None = None, compiler: Compiler | None = None, isa: str | None = None
     ) -> None:
         compiler = compiler or find_compiler()
         if compiler is None:
@@ -96,18 +111,23 @@ class CompiledEngine:
         record: bool = False,
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
+        resume: Resume | None = None,
     ) -> Batch:
         """See `Engine.run`; runs of like length share lanes, so that few lanes idle."""
         order = np.argsort(n_steps, kind="stable")
         rows = np.ascontiguousarray(np.asarray(parameters, dtype=np.float64)[order])
         steps = np.ascontiguousarray(np.asarray(n_steps, dtype=np.int64)[order])
         ordered = empty_batch(self.loop, len(steps), steps, record)
+        begins = None
+        if resume is not None:
+            begins = np.ascontiguousarray(resume.begins[order])
+            ordered.states[:] = resume.states[order]
         starts = iter(range(0, len(steps), CHUNK))
 
         def work() -> Iterator[int]:
             for start in starts:  # shared by all threads: whoever is free takes the next chunk
                 count = min(CHUNK, len(steps) - start)
-                self._run_chunk(rows, steps, ordered, start, count)
+                self._run_chunk(rows, steps, ordered, start, count, begins)
                 yield count
 
         self._spread(work, min(jobs, -(-len(steps) // CHUNK)), progress or _silent)
@@ -117,6 +137,7 @@ class CompiledEngine:
             ordered.ends[back],
             ordered.stops[back],
             None if ordered.record is None else ordered.record[back],
+            ordered.states[back],
         )
 
     def _spread(self, work: Callable[[], Iterator[int]], jobs: int, progress: Callable[[int], None]) -> None:
@@ -144,7 +165,15 @@ class CompiledEngine:
                 helper.result()
         progress(sum(finished[told:]))
 
-    def _run_chunk(self, rows: Array, steps: NDArray[np.int64], batch: Batch, start: int, count: int) -> None:
+    def _run_chunk(
+        self,
+        rows: Array,
+        steps: NDArray[np.int64],
+        batch: Batch,
+        start: int,
+        count: int,
+        begins: NDArray[np.int64] | None,
+    ) -> None:
         """Rows ``start`` to ``start + count`` of arrays that lie one run after the other."""
         record = batch.record
         failed = self.library.fzcli_rollouts(
@@ -156,6 +185,8 @@ class CompiledEngine:
             _row(batch.stops, start),
             None if record is None else _row(record, start),
             ctypes.c_int64(0 if record is None else record.shape[1]),
+            None if begins is None else _row(begins, start),
+            _row(batch.states, start),
         )
         if failed:
             raise MemoryError("no memory for the workspace of a rollout")
@@ -172,7 +203,7 @@ def _row(array: NDArray[np.generic], start: int) -> ctypes.c_void_p:
 class VirtualMachine:
     """The same loop in CasADi's virtual machine: no compiler needed, a hundred times slower."""
 
-    def __init__(self, loop: ClosedLoop) -> None:
+    def __init__(self, loop: Rollable) -> None:
         self.loop = loop
         self.name = "vm"
 
@@ -184,6 +215,7 @@ class VirtualMachine:
         record: bool = False,
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
+        resume: Resume | None = None,
     ) -> Batch:
         """See `Engine.run`; ``jobs`` is ignored, the machine holds Python's lock."""
         n_steps = np.asarray(n_steps, dtype=np.int64)
@@ -191,31 +223,45 @@ class VirtualMachine:
         order = np.argsort(n_steps, kind="stable")
         for i in range(0, len(order), VM_LANES):
             piece = order[i : i + VM_LANES]
-            self._run_piece(np.asarray(parameters, dtype=np.float64)[piece], n_steps[piece], batch, piece)
+            rows = np.asarray(parameters, dtype=np.float64)[piece]
+            again = resume and Resume(resume.begins[piece], resume.states[piece])
+            self._run_piece(rows, n_steps[piece], batch, piece, again)
             if progress:
                 progress(len(piece))
         return batch
 
     def _run_piece(
-        self, parameters: Array, n_steps: NDArray[np.int64], batch: Batch, piece: NDArray[np.int64]
+        self,
+        parameters: Array,
+        n_steps: NDArray[np.int64],
+        batch: Batch,
+        piece: NDArray[np.int64],
+        resume: Resume | None,
     ) -> None:
         """The C driver's loop in NumPy, one column a run."""
         loop, width = self.loop, len(piece)
         step = loop.step.map(width)
         state, constants = (np.array(v) for v in loop.initial.map(width)(parameters.T))
+        begins = np.zeros(width, dtype=np.int64)
+        if resume is not None:
+            begins, state = resume.begins, resume.states.T
         sums = np.zeros((loop.step.size1_in("history"), width))
         ring = np.zeros((max(1, loop.history_length), *sums.shape))
         active = np.ones(width, dtype=bool)
-        for k in range(longest(n_steps) + 1):
+        for k in range(longest(n_steps - begins) + 1):
+            before = state
             state, samples, stop, signals = (np.array(v) for v in step(state, constants, sums))
+            at = begins + k
             if batch.record is not None:
-                batch.record[piece[active], k] = signals.T[active]
-            ending = active & ((stop[0] != 0) | (k == n_steps))
+                batch.record[piece[active], at[active]] = signals.T[active]
+            ending = active & ((stop[0] != 0) | (at == n_steps))
             if ending.any():
                 metrics = np.array(loop.finish.map(width)(state, constants))
                 batch.metrics[piece[ending]] = metrics.T[ending]
-                batch.ends[piece[ending]] = k
+                batch.ends[piece[ending]] = at[ending]
                 batch.stops[piece[ending]] = stop[0][ending].astype(np.int64)
+                paused = ending & (stop[0] < 0)
+                batch.states[piece[paused]] = before.T[paused]
                 active &= ~ending
                 if not active.any():
                     return
@@ -223,10 +269,3 @@ class VirtualMachine:
                 slot = k % loop.history_length
                 sums = sums + (samples - ring[slot])
                 ring[slot] = samples
-
-
-def make_engine(loop: ClosedLoop, lanes: int | None = None) -> Engine:
-    """The compiled engine where there is a C compiler, else the virtual machine."""
-    if find_compiler() is None:
-        return VirtualMachine(loop)
-    return CompiledEngine(loop, lanes)

@@ -4,13 +4,17 @@ from dataclasses import dataclass
 
 from fzcli.control.law import Law
 from fzcli.loop.plant import Plant
+from fzcli.loop.run_spec import StopSpec
 from fzcli.model import RobotModel
 from fzcli.plan.reference import BaseReference, TipReference
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts, each under its own contract; ``drifting``: the system starts with momentum."""
+    """The parts, each under its own contract; ``drifting``: the system starts with momentum.
+
+    ``stop``: when a run with a target has arrived; None where that is not asked.
+    """
 
     model: RobotModel
     law: Law
@@ -21,3 +25,4 @@ class Parts:
     dt: float
     method: str
     drifting: bool
+    stop: StopSpec | None = None

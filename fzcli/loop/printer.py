@@ -40,21 +40,77 @@ def constant(value: float) -> str:
 def print_function(function: ca.Function, name: str, once: bool = False) -> str:
     """The C text of a static function ``name``(const V *in..., V *out...), one pointer an argument.
 
-    ``once``: a run calls it once, so that it is compiled quickly rather than for speed.
+    An SX Function becomes straight code. An MX Function must be a graph of calls: its callees are printed
+    before it, each once. ``once``: a run calls it once, so that it is compiled quickly rather than for speed.
     Outputs must be dense. Raises EngineError for an operation that the lanes do not know.
     """
-    return ("ONCE " if once else "") + _Printer(function, name).text()
+    if function.is_a("SXFunction"):
+        return ("ONCE " if once else "") + _Printer(function, name).text()
+    return _print_calls(function, name, once)
 
 
-def _divisions_by(function: ca.Function) -> Counter[int]:
+def _print_calls(function: ca.Function, name: str, once: bool) -> str:
+    """A graph of calls: inputs, calls of other Functions, outputs."""
+    printed: dict[int, str] = {}  # a callee's own hash -> its C name
+    texts: list[str] = []
+    places: dict[int, str] = {}  # work slot -> array that holds it now
+    lines: list[str] = []
+    for k in range(function.n_instructions()):
+        op, into, out = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if op == ca.OP_INPUT:
+            places[out[0]] = f"in{into[0]}"
+        elif op == ca.OP_OUTPUT:
+            size = function.size1_out(out[0])
+            lines.append(f"for (int i = 0; i < {size}; ++i) out{out[0]}[i] = {places[into[0]]}[i];")
+        elif op == ca.OP_CONST and not function.instruction_MX(k).numel():
+            places[out[0]] = "0"  # nothing is read from it
+        elif op == ca.OP_CALL:
+            callee = function.instruction_MX(k).which_function()
+            if callee.__hash__() not in printed:
+                own = f"{name}_{len(printed)}"
+                texts.append(print_function(callee, own, once=False))
+                printed[callee.__hash__()] = own
+            results = []
+            for i, slot in enumerate(out):
+                array = f"w{k}_{i}"
+                lines.append(f"V {array}[AT_LEAST_1({callee.size1_out(i)})];")
+                results.append(array)
+                if slot >= 0:
+                    places[slot] = array
+            arguments = ", ".join([*(places[slot] for slot in into), *results])
+            lines.append(f"{printed[callee.__hash__()]}({arguments});")
+        else:
+            raise EngineError(f"{function.name()}: a graph of calls holds CasADi's operation {op}")
+    return "".join(texts) + _definition(function, name, lines, once)
+
+
+def _definition(function: ca.Function, name: str, lines: list[str], once: bool = False) -> str:
+    arguments = [f"const V *restrict in{i}" for i in range(function.n_in())]
+    arguments += [f"V *restrict out{i}" for i in range(function.n_out())]
+    body = "\n".join(f"    {line}" for line in lines)
+    unused = " ".join(f"(void)in{i};" for i in range(function.n_in()))
+    head = "ONCE " if once else ""
+    return f"{head}static void {name}({', '.join(arguments)})\n{{\n    {unused}\n{body}\n}}\n"
+
+
+Instruction = tuple[int, list[int], list[int]]  # operation, slots written, slots read
+
+
+def _instructions(function: ca.Function) -> list[Instruction]:
+    count = range(function.n_instructions())
+    ids, outs, ins = function.instruction_id, function.instruction_output, function.instruction_input
+    return [(ids(k), outs(k), ins(k)) for k in count]
+
+
+def _divisions_by(instructions: list[Instruction]) -> Counter[int]:
     """How often each instruction's result divides something."""
     written: dict[int, int] = {}
     found: Counter[int] = Counter()
-    for k in range(function.n_instructions()):
-        if function.instruction_id(k) == ca.OP_DIV:
-            found[written[function.instruction_input(k)[1]]] += 1
-        if function.instruction_id(k) != ca.OP_OUTPUT:
-            written[function.instruction_output(k)[0]] = k
+    for k, (op, out, into) in enumerate(instructions):
+        if op == ca.OP_DIV:
+            found[written[into[1]]] += 1
+        if op != ca.OP_OUTPUT:
+            written[out[0]] = k
     return found
 
 
@@ -74,17 +130,15 @@ class _Printer:
         self.lines: list[str] = []
         self.count = 0
         self._written: dict[int, int] = {}  # work slot -> instruction that wrote it last
-        self._divisions = _divisions_by(function)
+        self._instructions = _instructions(function)
+        self._divisions = _divisions_by(self._instructions)
 
     def text(self) -> str:
-        f = self.function
-        arguments = [f"const V *restrict in{i}" for i in range(f.n_in())]
-        arguments += [f"V *restrict out{i}" for i in range(f.n_out())]
-        for k in range(f.n_instructions()):
-            self._instruction(k)
-        body = "\n".join(f"    {line}" for line in self.lines)
-        unused = " ".join(f"(void)in{i};" for i in range(f.n_in()))
-        return f"static void {self.name}({', '.join(arguments)})\n{{\n    {unused}\n{body}\n}}\n"
+        for k, (op, out, into) in enumerate(self._instructions):
+            self._statement(k, op, out, into)
+            if op != ca.OP_OUTPUT:
+                self._written[out[0]] = k
+        return _definition(self.function, self.name, self.lines)
 
     def _new(self, expression: str, mask: bool = False) -> str:
         self.count += 1
@@ -112,21 +166,13 @@ class _Printer:
         self.values.pop(slot, None)
         self.constants.pop(slot, None)
 
-    def _instruction(self, k: int) -> None:
-        f = self.function
-        op, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        self._statement(k, op, out, into)
-        if op != ca.OP_OUTPUT:
-            self._written[out[0]] = k
-
     def _statement(self, k: int, op: int, out: list[int], into: list[int]) -> None:
-        f = self.function
         if op == ca.OP_OUTPUT:
             self.lines.append(f"out{out[0]}[{out[1]}] = {self._value(into[0])};")
         elif op == ca.OP_INPUT:
             self._set(out[0], self._new(f"in{into[0]}[{into[1]}]"))
         elif op == ca.OP_CONST:
-            number = f.instruction_constant(k)
+            number = self.function.instruction_constant(k)
             self._set(out[0], constant(number))
             if 1e-290 < abs(number) < 1e290:
                 self.constants[out[0]] = number

@@ -3,11 +3,18 @@
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from fzcli.errors import UsageError
 from fzcli.spec.quantity import Metric
 
-FAR = 1.0e300  # beyond any signal
+FAR = 1.0e300  # beyond any signal: what a total starts from, and the time of what never came
+
+
+def seen(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Metrics as they are, but NaN for totals that saw no sample and times that never came."""
+    return np.where(np.abs(values) == FAR, np.nan, values)
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,19 @@ class BoundsSpec(SpecModel):
     singular_value: Annotated[float | None, Field(gt=0, description="smallest singular value of the task")] = None
 
 
+class StopSpec(SpecModel):
+    """When a run with a target has arrived; it ends there, or unarrived ``after`` its time."""
+
+    position: Annotated[Length, Field(gt=0, description="within this distance of the target")]
+    direction: Annotated[
+        Angle | None, Field(gt=0, description="and the tip's z within this angle of its direction")
+    ] = None
+    orientation: Annotated[
+        Angle | None, Field(gt=0, description="and the tip within this angle of its orientation")
+    ] = None
+    after: Annotated[Duration, Field(gt=0, description="the longest that the run may take")]
+
+
 class RecordSpec(SpecModel):
     """What a result file holds."""
 
@@ -103,9 +116,17 @@ class SimulateRun(SpecModel):
     controller: Any
     step: Annotated[Duration, Field(gt=0, description="control and integration step")] = 0.01
     method: Annotated[
-        Literal["euler", "midpoint"], Field(description="explicit Euler as in the paper, or explicit midpoint")
+        Literal["euler", "midpoint", "gauss_magnus"],
+        Field(
+            description="explicit Euler or midpoint; gauss_magnus: attitude to 4th order, joint rates held over a step"
+        ),
     ] = "euler"
+    plant: Annotated[
+        Literal["kinematic", "translation_only"],
+        Field(description="the base follows momentum; or it only translates, the true turn being carried along"),
+    ] = "kinematic"
     duration: Annotated[Duration | None, Field(gt=0, description="of the run; that of the reference by default")] = None
+    stop: Annotated[StopSpec | None, Field(description="when the tip has arrived at its target")] = None
     bounds: BoundsSpec = BoundsSpec()
     record: RecordSpec = RecordSpec()
     compare: Annotated[
@@ -121,14 +142,47 @@ def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
         yield ("start", "q"), f"has {len(spec.start.q)} values for {len(names)} active joints ({', '.join(names)})"
     if spec.start.drifting and not spec.robot.base.floating:
         yield ("start", "momentum"), "a robot on a fixed base has no momentum of its own"
-    length = spec.duration or getattr(spec.reference, "duration", None)
-    if spec.duration is None and spec.reference.kind == "hold":
-        yield ("duration",), "is missing: the reference 'hold' has no end of its own"
+    length = spec.duration or (spec.stop and spec.stop.after) or getattr(spec.reference, "duration", None)
+    if length is None and spec.reference.kind in ("hold", "target", "reachable"):
+        missing = "is missing: the reference" if spec.reference.kind == "hold" else "is missing, or stop: the reference"
+        yield ("duration",), f"{missing} {spec.reference.kind!r} has no end of its own"
     elif isinstance(length, float) and spec.step > length:
         yield ("step",), f"{spec.step:g} s is longer than the run, {length:g} s"
+    yield from _unaimed(spec)
+    displacement = getattr(spec.reference, "displacement", None)
+    if displacement is not None and len(displacement) != len(names):
+        text = f"has {len(displacement)} values for {len(names)} active joints ({', '.join(names)})"
+        yield ("reference", "displacement"), text
     tip = getattr(spec.controller, "tip", None)
+    check = controllers()[spec.controller.kind].misfits
+    if check is not None:
+        yield from check(spec.robot, spec.controller)
     if tip is not None and tip not in spec.robot.tips:
         yield ("controller", "tip"), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"
+
+
+def _unaimed(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Where target, stop condition and the controller's task do not fit together."""
+    aim, task = getattr(spec.reference, "aim", ""), getattr(spec.controller, "task", "")
+    if spec.stop is None:
+        if getattr(spec.controller, "restart", None) is not None:
+            yield ("stop",), "is missing: controller.restart must know when the tip has arrived"
+    elif not aim:
+        yield ("stop",), f"needs a reference to arrive at (target, reachable); {spec.reference.kind!r} is followed"
+    elif spec.duration is not None:
+        yield ("duration",), "stands beside stop.after; give one"
+    else:
+        for field, wanted in (("direction", "direction"), ("orientation", "pose")):
+            given = getattr(spec.stop, field)
+            if aim == wanted and given is None:
+                yield ("stop", field), f"is missing: the reference fixes the tip's {field}"
+            if aim != wanted and given is not None:
+                yield ("stop", field), f"the reference fixes no {field} of the tip"
+    if aim == "position" and task in ("approach", "pose", "orientation"):
+        hint = "; give reference.direction, or controller.task: position" if task == "approach" else ""
+        yield ("controller", "task"), f"{task!r} needs more than the reference's position{hint}"
+    elif aim == "direction" and task in ("pose", "orientation"):
+        yield ("controller", "task"), f"{task!r} needs reference.rpy, not only a direction"
 
 
 @cache

@@ -12,12 +12,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import Problem, SpecError
-from fzcli.loop.assemble import closed_loop, finite_or_nan, parameter_row, step_counts
+from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
 from fzcli.loop.closed_loop import ClosedLoop
-from fzcli.loop.engine import Batch, Engine, make_engine
+from fzcli.loop.engine import Batch, Engine
+from fzcli.loop.events import make_engine
+from fzcli.loop.reach import out_of_reach
+from fzcli.loop.reductions import seen
+from fzcli.loop.replay import ATTITUDE_ERROR, attitude_error
 from fzcli.loop.rollout import Provenance, Rollout
 from fzcli.loop.run_spec import BoundsSpec, SimulateRun, misfits, simulate_model
-from fzcli.loop.verdict import BOUNDED, status_of
+from fzcli.loop.verdict import BOUNDED, OUTCOME, outcomes, status_of
 from fzcli.spec.document import Document
 from fzcli.spec.hashing import spec_hash
 from fzcli.spec.library import find
@@ -37,7 +41,16 @@ STATE_SIGNALS = ("q", "qd", "base_position", "base_quat", "base_twist", "tip_pos
 def load_run(run: str | Path, sets: Sequence[str] = ()) -> tuple[SimulateRun, dict[str, SimulateRun]]:
     """A run and its variants, by path or name. Raises SpecError with every problem found."""
     document = read(run if isinstance(run, Path) or run == "-" else find("runs", run))
+    return runs_of(document, sets)
+
+
+def runs_of(document: Document, sets: Sequence[str] = ()) -> tuple[SimulateRun, dict[str, SimulateRun]]:
+    """The run that a document says, and its variants. Raises SpecError with every problem found."""
     spec = run_of(document, sets)
+    missing = out_of_reach(spec)
+    if missing:
+        document = apply_sets(document, sets) if sets else document
+        raise SpecError(document.problem(missing, ("reference", "position")))
     return spec, variants_of(document, spec, sets)
 
 
@@ -146,12 +159,21 @@ def _rollout(loop: ClosedLoop, batch: Batch, i: int, bounds: BoundsSpec, origin:
         block = rows[:, column : column + signal.size]
         arrays[signal.name] = np.ascontiguousarray(block if signal.components else block[:, 0])
         column += signal.size
-    metrics = {metric.name: finite_or_nan(float(v)) for metric, v in zip(loop.metrics, batch.metrics[i], strict=True)}
+    values = seen(batch.metrics[i])
+    values[~np.isfinite(values)] = np.nan
+    metrics = {metric.name: float(value) for metric, value in zip(loop.metrics, values, strict=True)}
     metrics["n_steps"] = float(end)
     time: Array = loop.dt * np.arange(end + 1, dtype=np.float64)
-    info = {metric.name: Signal(metric.name, metric.unit, metric.long_name) for metric in loop.metrics}
+    info = {m.name: Signal(m.name, m.unit, m.long_name, truth=m.truth) for m in loop.metrics}
     info["n_steps"] = Signal("n_steps", "1", "steps taken")
-    names = [name for name in metrics if name in loop.certificate_names or name in BOUNDED]
+    if "arrived" in metrics:
+        metrics["outcome"] = float(outcomes({name: np.array([value]) for name, value in metrics.items()})[0])
+        info["outcome"] = OUTCOME
+    if loop.path_piece is not None:
+        metrics[ATTITUDE_ERROR] = attitude_error(loop.path_piece, arrays["q"], arrays["base_quat"])
+        about = "largest error of the base's attitude, against a replay of the joints in 32 pieces a step"
+        info[ATTITUDE_ERROR] = Signal(ATTITUDE_ERROR, "rad", about)
+    names = [name for name in metrics if name in loop.certificate_names or name in (*BOUNDED, ATTITUDE_ERROR)]
     return Rollout(
         time=time,
         q=arrays["q"],

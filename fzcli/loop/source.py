@@ -2,11 +2,11 @@
 
 from importlib.resources import files
 
-from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.printer import print_function
+from fzcli.loop.rollable import Rollable
 
 
-def c_source(loop: ClosedLoop) -> str:
+def c_source(loop: Rollable) -> str:
     """One self-contained C file; LANES is given to the compiler. Names in it are our own, never the spec's."""
     here = files("fzcli.loop") / "c"
     sizes = {

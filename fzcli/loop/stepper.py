@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from fzcli.errors import EngineError
 from fzcli.loop.assemble import closed_loop, parameter_row
 from fzcli.loop.engine import CompiledEngine
+from fzcli.loop.events import searcher_of
 from fzcli.loop.run_spec import SimulateRun
+from fzcli.loop.stops import PAUSED
 
 Array = NDArray[np.float64]
 
@@ -18,7 +20,8 @@ class Stepper:
     """A run that waits for its caller between steps, compiled, in well under 3 microseconds a step.
 
     After ``step()``, ``values`` (k) holds every signal of the sample just passed, in the order of
-    ``loop.signals``; ``views`` names the parts: ``views["q"]`` follows the run without copying.
+    ``loop.signals``; ``views`` names the parts: ``views["q"]`` follows the run without copying. A step
+    before which the law asks for its search waits for it, some milliseconds.
     Raises EngineError where there is no C compiler.
     """
 
@@ -36,6 +39,7 @@ class Stepper:
         self._signals = ctypes.c_void_p(self.values.ctypes.data)
         self._advance = self._library.fzcli_advance
         self._advance.argtypes = [ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p]
+        self._searcher = searcher_of(self.loop)
         self.samples = 0
         self.stopped = 0
         self.reset()
@@ -54,8 +58,21 @@ class Stepper:
         if self.stopped:
             raise EngineError(f"the run has stopped (code {self.stopped}); reset it")
         self.stopped = int(self._advance(self._workspace, self.samples, self._signals))
+        if self.stopped == PAUSED:
+            self._search()
+            self.stopped = int(self._advance(self._workspace, self.samples, self._signals))
         self.samples += 1
         return self.stopped
+
+    def _search(self) -> None:
+        """Put the result of the law's search into the state before this sample."""
+        if self._searcher is None:
+            raise EngineError("the run waits for a search that its law does not have")
+        state: Array = np.zeros(self.loop.step.size1_in("state"))
+        place = ctypes.c_void_p(state.ctypes.data)
+        self._library.fzcli_state(self._workspace, ctypes.c_int64(self.samples), place, 0)
+        state[:] = self._searcher.states(self.loop, self._parameters[None, :], state[None, :])[0]
+        self._library.fzcli_state(self._workspace, ctypes.c_int64(self.samples), place, 1)
 
     def _named_views(self) -> dict[str, Array]:
         views: dict[str, Array] = {}

@@ -22,6 +22,7 @@ class StopReason:
     name: str
     reason: str
     advice: str
+    failed: bool = True
 
 
 STOP_REASONS = {
@@ -36,15 +37,19 @@ STOP_REASONS = {
         "the base's pitch came within 1e-6 rad of 90 deg, where roll and yaw are undefined",
         "use controller.constraint: [rotation_vector], which has no such attitude",
     ),
+    3: StopReason("arrived", "the tip has reached its target", "", failed=False),
 }
+PAUSED = -1  # the law asks for its search before this step; never the end of a run
+FAILURES = tuple(code for code, why in STOP_REASONS.items() if why.failed)
 
 
-def stop_code(parts: Parts, plant_state: ca.SX, derivative: ca.SX) -> ca.SX:
-    """0 to go on, else a key of ``STOP_REASONS``; a NaN anywhere in the motion fails the comparison."""
+def stop_code(parts: Parts, plant_state: ca.SX, derivative: ca.SX, arrived: ca.SX, asks: ca.SX) -> ca.SX:
+    """0 to go on, `PAUSED`, or a key of ``STOP_REASONS``; a NaN anywhere in the motion fails the comparison."""
     travel = parts.plant.travel(derivative, parts.dt)
     q = parts.plant.observe(plant_state)[0]
     sane = ca.logic_and(travel < LARGEST_STEP**2, dot(q, q) < FARTHEST**2)
-    code = ca.if_else(sane, 0.0, 1.0)
+    code = ca.if_else(arrived, 3.0, ca.if_else(asks, float(PAUSED), 0.0))
+    code = ca.if_else(sane, code, 1.0)
     if parts.law.angles and parts.model.floating:
         R = rotation_matrix(parts.plant.observe(plant_state)[1])
         cosine2 = R[2, 1] * R[2, 1] + R[2, 2] * R[2, 2]

@@ -1,13 +1,15 @@
 """From a run's numbers to its status: ok, flagged by a bound of the certificate, or failed."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.loop.rollout import Status
 from fzcli.loop.run_spec import BoundsSpec
-from fzcli.loop.stops import STOP_REASONS
+from fzcli.loop.stops import FAILURES, STOP_REASONS
+from fzcli.spec.quantity import Signal
 
 Array = NDArray[np.float64]
 # metric of the certificate -> its bound's field; a run is flagged beyond the bound (below it, for the last)
@@ -36,6 +38,48 @@ def exceeded(name: str, values: Array, bounds: BoundsSpec) -> NDArray[np.bool_] 
     return np.asarray(values < bound if name == "singular_value_min" else ~(values <= bound), dtype=bool)
 
 
+@dataclass(frozen=True)
+class Outcome:
+    """How a run with a target ended, in words."""
+
+    text: str
+    advice: str = ""
+
+
+OUTCOMES = (
+    Outcome("arrived"),
+    Outcome("the target is out of the arm's reach", "move the target, or the base, nearer"),
+    Outcome("no search found a posture that meets the target", "raise controller.restart.seeds, or loosen stop"),
+    Outcome("the arm came to rest short of it", "give controller.restart: true, or another start"),
+    Outcome("the arm still moved at the end", "give it more time (stop.after), or controller.restart: true"),
+)
+OUTCOME = Signal("outcome", "1", "; ".join(f"{code}: {how.text}" for code, how in enumerate(OUTCOMES)))
+AT_REST = 1e-3  # rad/s or m/s
+
+
+def outcomes(metrics: Mapping[str, Array]) -> Array:
+    """Of every run with a target, a place in ``OUTCOMES``; NaN of one without."""
+    arrived = metrics["arrived"]
+    none = np.zeros(arrived.shape)
+    restarts, empty = metrics.get("restarts", none), metrics.get("searches_empty", none)
+    codes = np.where(metrics["joint_speed_final"] < AT_REST, 3.0, 4.0)
+    codes[(restarts > 0) & (empty >= restarts)] = 2
+    codes[metrics.get("out_of_reach_final", none) > 0] = 1
+    codes[arrived > 0] = 0
+    codes[np.isnan(arrived)] = np.nan
+    return codes
+
+
+def _left(metrics: Mapping[str, float]) -> str:
+    """What is missing to the target."""
+    parts = [f"{1e3 * metrics['target_distance_final']:.3g} mm"]
+    if "target_angle_final" in metrics:
+        parts.append(f"{np.rad2deg(metrics['target_angle_final']):.3g} deg")
+    if metrics.get("out_of_reach_final", 0.0) > 0:
+        parts.append(f"at least {1e3 * metrics['out_of_reach_final']:.3g} mm of them out of reach")
+    return " and ".join(parts[:2]) + " short" + "".join(f", {part}" for part in parts[2:])
+
+
 def status_codes(metrics: Mapping[str, Array], stops: NDArray[np.int64], bounds: BoundsSpec) -> NDArray[np.int8]:
     """0 ok, 1 flagged, 2 failed, for every run."""
     codes = np.zeros(len(stops), dtype=np.int8)
@@ -44,15 +88,20 @@ def status_codes(metrics: Mapping[str, Array], stops: NDArray[np.int64], bounds:
             broken = exceeded(name, metrics[name], bounds)
             if broken is not None:
                 codes[broken] = 1
-    codes[stops != 0] = 2
+    if "arrived" in metrics:
+        codes[metrics["arrived"] == 0] = 1
+    codes[np.isin(stops, FAILURES)] = 2
     return codes
 
 
 def status_of(metrics: Mapping[str, float], stop: int, bounds: BoundsSpec, end: float) -> Status:
     """The status of one run, with reason and advice; ``end`` is its last time [s]."""
-    if stop:
+    if stop in FAILURES:
         why = STOP_REASONS[stop]
         return Status("failed", f"{why.name} at {end:g} s: {why.reason}", why.advice)
+    if metrics.get("arrived", 1.0) == 0.0:
+        outcome = OUTCOMES[int(metrics["outcome"])]
+        return Status("flagged", f"target not reached in {end:g} s, {_left(metrics)}: {outcome.text}", outcome.advice)
     for name, field in BOUNDED.items():
         if name in metrics:
             broken = exceeded(name, np.array([metrics[name]]), bounds)

@@ -20,6 +20,12 @@ def dot(a: ca.SX, b: ca.SX) -> ca.SX:
     return total
 
 
+def angle_between(a: ca.SX, b: ca.SX) -> ca.SX:
+    """The angle [rad] of two directions of any length, precise for small ones."""
+    across = cross(a, b)
+    return ca.atan2(ca.sqrt(dot(across, across)), dot(a, b))
+
+
 def rotate(R: ca.SX, v: ca.SX) -> ca.SX:
     """R v with structural zeros and ones folded away, (3)."""
     return ca.vertcat(*(R[i, 0] * v[0] + R[i, 1] * v[1] + R[i, 2] * v[2] for i in range(3)))

@@ -8,6 +8,7 @@ import casadi as ca
 from fzcli.errors import Problem, SpecError
 from fzcli.model.algebra import cross, rotate, symmetric_inverse
 from fzcli.model.attitude import rotation_matrix
+from fzcli.model.chain import Chain, build_chain
 from fzcli.model.composite import (
     BaseFrame,
     base_rate_columns,
@@ -80,11 +81,20 @@ class RobotModel:
         """The system's CoM relative to the base frame's origin, world axes, (3) [m]."""
         return self.function("com")(q, base_quat)
 
+    def chain(self, tip: str | None = None) -> Chain:
+        """The chain points of a tip's serial arm. Raises SpecError where the arm has none."""
+        return build_chain(self.tree, self.tips[0] if tip is None else tip)
+
+    def carriers(self, tip: str | None = None) -> list[int]:
+        """The joints that carry a tip, from the base on."""
+        return self.tree.ancestors(self.tree.tips[self.tips[0] if tip is None else tip].body)
+
     def function(self, name: str, tip: str | None = None) -> ca.Function:
         """The named Function behind a method of this class, for use inside other expressions.
 
-        Also "body": all that depends on q alone, in base axes (see `_body`), and "tip": the tip
-        pose and generalized Jacobian in base axes. Raises SpecError for an unknown tip.
+        Also "body": all that depends on q alone, in base axes (see `_body`); "tip": the tip pose and
+        generalized Jacobian in base axes; "chain": points and axes of `chain`; "arm": origins
+        of base frame, carrying joints, and tip, from the base frame's. Raises SpecError for an unknown tip.
         """
         tip = self.tips[0] if tip is None else tip
         if tip not in self.tips:
@@ -145,6 +155,29 @@ def _tip(model: RobotModel, tip: str) -> ca.Function:
     turned = ca.mtimes(rotation, ca.SX(ca.DM(place.place.rotation)))
     outputs = [position, turned, ca.horzcat(*columns)]
     return ca.Function("tip", [q], outputs, ["q"], ["position", "rotation", "jacobian"])
+
+
+def _chain(model: RobotModel, tip: str) -> ca.Function:
+    """q -> chain points (3, m+1) relative to the CoM and hinge axes (3, m); base axes."""
+    q, frame = _frame(model)
+    place = model.tree.tips[tip]
+    end = frame.origins[place.body] + rotate(frame.rotations[place.body], ca.SX(ca.DM(place.place.translation)))
+    points, axes = model.chain(tip).points(frame, end)
+    if model.floating:
+        points = points - ca.repmat(frame.com, 1, points.shape[1])
+    outputs = [ca.densify(points), ca.densify(axes)]
+    return ca.Function("chain", [q], outputs, ["q"], ["points", "axes"])
+
+
+def _arm(model: RobotModel, tip: str) -> ca.Function:
+    """q -> the arm's polyline (3, k+2) from the base frame's origin through its k joints to the tip; base axes."""
+    q, frame = _frame(model)
+    place = model.tree.tips[tip]
+    end = ca.SX(ca.DM(place.place.translation))
+    if place.body >= 0:
+        end = frame.origins[place.body] + rotate(frame.rotations[place.body], end)
+    points = ca.horzcat(ca.SX.zeros(3), *(frame.origins[j] for j in model.carriers(tip)), end)
+    return ca.Function("arm", [q], [ca.densify(points)], ["q"], ["points"])
 
 
 def _forward_kinematics(model: RobotModel, tip: str) -> ca.Function:
@@ -223,6 +256,8 @@ def _named(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca
 _BUILDERS = {
     "body": _body,
     "tip": _tip,
+    "chain": _chain,
+    "arm": _arm,
     "forward_kinematics": _forward_kinematics,
     "generalized_jacobian": _generalized_jacobian,
     "base_rate_map": _base_rate_map,

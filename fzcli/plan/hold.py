@@ -5,7 +5,8 @@ from typing import Literal
 
 import casadi as ca
 
-from fzcli.plan.reference import TipMotion, TipReference, start_symbols, tip_reference
+from fzcli.model import RobotModel
+from fzcli.plan.reference import Start, TipMotion, TipReference, tip_reference
 from fzcli.spec.base import SpecModel
 
 
@@ -15,15 +16,15 @@ class HoldSpec(SpecModel):
     kind: Literal["hold"] = "hold"
 
 
-def build(spec: HoldSpec) -> TipReference:
+def build(spec: HoldSpec, model: RobotModel, tip: str | None = None) -> TipReference:
     """A reference without parameters and without an end."""
-    position, quat, com = start_symbols()
+    start = Start.symbols(model.n)
     symbols = ca.SX.sym("constants", 7)
     zero = ca.SX.zeros(3)
     return tip_reference(
         parameters={},
-        start=(position, quat, com),
-        constants=ca.vertcat(position, quat),
+        start=start,
+        constants=ca.vertcat(start.tip_position, start.tip_quat),
         symbols=symbols,
         time=ca.SX.sym("time"),
         motion=TipMotion(symbols[:3], zero, symbols[3:], zero),

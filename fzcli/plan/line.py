@@ -5,9 +5,10 @@ from typing import Annotated, Literal
 import casadi as ca
 from pydantic import Field, field_validator
 
+from fzcli.model import RobotModel
 from fzcli.model.algebra import dot
 from fzcli.model.attitude import exponential, multiply
-from fzcli.plan.reference import TipMotion, TipReference, start_symbols, tip_reference
+from fzcli.plan.reference import Start, TipMotion, TipReference, tip_reference
 from fzcli.plan.time_laws import TIME_LAWS
 from fzcli.spec.base import SpecModel
 from fzcli.spec.quantity import Parameter
@@ -36,13 +37,13 @@ class LineSpec(SpecModel):
         return value
 
 
-def build(spec: LineSpec) -> TipReference:
+def build(spec: LineSpec, model: RobotModel, tip: str | None = None) -> TipReference:
     """The line's direction, length, duration and turn are run-time parameters."""
     direction, length = ca.SX.sym("direction", 3), ca.SX.sym("length")
     duration, turn = ca.SX.sym("duration"), ca.SX.sym("turn", 3)
-    position, quat, com = start_symbols()
+    start = Start.symbols(model.n)
     way = direction * (length / ca.sqrt(dot(direction, direction)))
-    constants = ca.vertcat(position, way, 1 / duration, quat, turn)
+    constants = ca.vertcat(start.tip_position, way, 1 / duration, start.tip_quat, turn)
     symbols = ca.SX.sym("constants", constants.shape[0])
     x0, along, pace, quat0, turned = ca.vertsplit(symbols, [0, 3, 6, 7, 11, 14])
     time = ca.SX.sym("time")
@@ -56,7 +57,7 @@ def build(spec: LineSpec) -> TipReference:
             Parameter("reference.duration"): duration,
             Parameter("reference.turn", 3): turn,
         },
-        start=(position, quat, com),
+        start=start,
         constants=constants,
         symbols=symbols,
         time=time,

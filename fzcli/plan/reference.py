@@ -1,6 +1,7 @@
 """The one contract of all references: where the tip, or the base, is to be at a time."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import casadi as ca
 
@@ -11,16 +12,42 @@ from fzcli.spec.quantity import Parameter
 class TipReference:
     """A tip motion ready to be composed into a closed loop; positions relative to the CoM at the start.
 
-    ``prepare``: (parameters, tip_position (3), tip_quat (4), com (3)) -> constants, once a run;
-    tip pose at the start relative to the CoM, and the CoM in the world.
+    ``prepare``: (parameters, then the fields of `Start`) -> constants, once a run.
     ``evaluate``: (time, constants) -> tip_position (3), tip_velocity (3), tip_quat (4), tip_rate (3),
-    world axes. ``duration``: parameters -> seconds, infinite for a reference without an end.
+    world axes. ``duration``: parameters -> seconds, infinite for a reference without an end. ``aim``: what a
+    reference that is a target to arrive at fixes: the tip's position, also the direction of its z, or the
+    whole pose; "" for one that is followed.
     """
 
     prepare: ca.Function
     evaluate: ca.Function
     duration: ca.Function
     parameters: tuple[Parameter, ...]
+    aim: "AimName" = ""
+
+
+AimName = Literal["", "position", "direction", "pose"]
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a run starts: joints (n), base_quat (4), tip pose relative to the CoM, CoM (3) in the world."""
+
+    q: ca.SX
+    base_quat: ca.SX
+    tip_position: ca.SX
+    tip_quat: ca.SX
+    com: ca.SX
+
+    @staticmethod
+    def symbols(n: int) -> "Start":
+        """Fresh symbols for a robot of n joints."""
+        sizes = {"q": n, "base_quat": 4, "tip_position": 3, "tip_quat": 4, "com": 3}
+        return Start(**{name: ca.SX.sym(name, size) for name, size in sizes.items()})
+
+    def as_dict(self) -> dict[str, ca.SX]:
+        """Name -> symbol, in the order of the fields."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
 
 
 @dataclass(frozen=True)
@@ -49,20 +76,21 @@ class TipMotion:
 def tip_reference(
     *,
     parameters: dict[Parameter, ca.SX],
-    start: tuple[ca.SX, ca.SX, ca.SX],
+    start: Start,
     constants: ca.SX,
     symbols: ca.SX,
     time: ca.SX,
     motion: TipMotion,
     duration: ca.SX,
+    aim: AimName = "",
 ) -> TipReference:
     """Assemble a TipReference: ``constants`` of (parameters, start); ``motion`` of (time, ``symbols``)."""
     values = ca.vertcat(*parameters.values()) if parameters else ca.SX.sym("none", 0)
     prepare = ca.Function(
         "prepare",
-        [values, *start],
+        [values, *start.as_dict().values()],
         [ca.densify(constants)],
-        ["parameters", "tip_position", "tip_quat", "com"],
+        ["parameters", *start.as_dict()],
         ["constants"],
     )
     evaluate = ca.Function(
@@ -73,9 +101,4 @@ def tip_reference(
         ["tip_position", "tip_velocity", "tip_quat", "tip_rate"],
     )
     seconds = ca.Function("duration", [values], [ca.densify(duration)], ["parameters"], ["duration"])
-    return TipReference(prepare, evaluate, seconds, tuple(parameters))
-
-
-def start_symbols() -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Tip position (3) and quaternion (4) at the start, and CoM (3)."""
-    return ca.SX.sym("tip_position", 3), ca.SX.sym("tip_quat", 4), ca.SX.sym("com", 3)
+    return TipReference(prepare, evaluate, seconds, tuple(parameters), aim)

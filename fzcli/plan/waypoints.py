@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 import casadi as ca
 from pydantic import Field, model_validator
 
+from fzcli.model import RobotModel
 from fzcli.model.attitude import exponential, multiply
-from fzcli.plan.reference import TipMotion, TipReference, start_symbols, tip_reference
+from fzcli.plan.reference import Start, TipMotion, TipReference, tip_reference
 from fzcli.plan.time_laws import TIME_LAWS
 from fzcli.spec.base import SpecModel
 from fzcli.spec.quantity import Parameter
@@ -42,18 +43,19 @@ class WaypointsSpec(SpecModel):
         return self
 
 
-def build(spec: WaypointsSpec) -> TipReference:
+def build(spec: WaypointsSpec, model: RobotModel, tip: str | None = None) -> TipReference:
     """Points and durations are run-time parameters; their number is built in."""
     k = len(spec.points)
     points, durations, turns = ca.SX.sym("points", 3 * k), ca.SX.sym("durations", k), ca.SX.sym("turns", 3 * k)
-    position, quat, com = start_symbols()
+    start = Start.symbols(model.n)
+    position = start.tip_position
     corners = [position]
     for i in range(k):
         point = points[3 * i : 3 * i + 3]
-        corners.append(position + point if spec.relative else point - com)
+        corners.append(position + point if spec.relative else point - start.com)
     legs = ca.vertcat(*(corners[i + 1] - corners[i] for i in range(k)))
     turned = turns if spec.turns is not None else ca.SX.zeros(3 * k)
-    constants = ca.vertcat(position, quat, legs, turned, durations)
+    constants = ca.vertcat(position, start.tip_quat, legs, turned, durations)
     symbols = ca.SX.sym("constants", constants.shape[0])
     x0, quat0, leg, turn, seconds = ca.vertsplit(symbols, [0, 3, 7, 7 + 3 * k, 7 + 6 * k, 7 + 7 * k])
     time = ca.SX.sym("time")
@@ -63,7 +65,7 @@ def build(spec: WaypointsSpec) -> TipReference:
         parameters[Parameter("reference.turns", 3 * k)] = turns
     return tip_reference(
         parameters=parameters,
-        start=(position, quat, com),
+        start=start,
         constants=constants,
         symbols=symbols,
         time=time,

@@ -66,7 +66,7 @@ def put(node: Node, steps: list[str], value: Node, source: Source, key: str) -> 
     if not steps:
         return value
     content = node.content
-    if content is None:
+    if content is None or isinstance(content, bool):  # a switch stands for its section's defaults
         node = replace(node, source=source, line=None, column=None)
         content = {}
     if isinstance(content, list):

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
 from fzcli.loop.closed_loop import ClosedLoop
-from fzcli.loop.engine import Engine, make_engine
+from fzcli.loop.engine import Engine
+from fzcli.loop.events import make_engine
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.model import RobotModel, build_model
 from fzcli.spec.hashing import spec_hash

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from fzcli.errors import FzcliError, Problem, SpecError
 from fzcli.loop.closed_loop import ClosedLoop
+from fzcli.loop.reductions import seen
 from fzcli.loop.rollout import Provenance, Rollout
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.simulate import provenance, rollouts
-from fzcli.loop.verdict import BOUNDED, status_codes
+from fzcli.loop.verdict import BOUNDED, OUTCOME, outcomes, status_codes
 from fzcli.record.sweep_file import write_sweep
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table import check_names
@@ -147,7 +148,7 @@ def _roll_out(sweep: Sweep, every: list[Rows], jobs: int, tell: Tell) -> dict[st
             known[c] |= {metric.name for metric in build.loop.metrics}
         batch = build.engine(record=False).run(parameters, steps, jobs=jobs, progress=progress)
         for i, metric in enumerate(build.loop.metrics):
-            columns[metric.name][runs] = batch.metrics[:, i]
+            columns[metric.name][runs] = seen(batch.metrics[:, i])
         ends[runs], stops[runs] = batch.ends, batch.stops
     columns["n_steps"] = ends
     columns["config"] = np.repeat(np.arange(configs), count)
@@ -158,6 +159,8 @@ def _roll_out(sweep: Sweep, every: list[Rows], jobs: int, tell: Tell) -> dict[st
         own = {name: columns[name][part] for name in BOUNDED if name in known[c]}
         status[part] = status_codes(own, stops[part], spec.bounds)
     columns["status"] = status
+    if "arrived" in columns:
+        columns["outcome"] = outcomes(columns)
     return columns
 
 
@@ -169,8 +172,9 @@ def _by_build(every: list[Rows]) -> list[tuple[Any, list[Rows]]]:
 
 
 def _metric_info(loops: list[ClosedLoop]) -> dict[str, Signal]:
-    info = {m.name: Signal(m.name, m.unit, m.long_name) for loop in loops for m in loop.metrics}
+    info = {m.name: Signal(m.name, m.unit, m.long_name, truth=m.truth) for loop in loops for m in loop.metrics}
     info["n_steps"] = Signal("n_steps", "1", "steps taken")
+    info["outcome"] = OUTCOME
     return info
 
 

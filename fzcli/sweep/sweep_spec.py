@@ -98,8 +98,10 @@ class Trajectories(SpecModel):
 class TableSection(SpecModel):
     """How the results are tabulated."""
 
-    rows: str
-    columns: str | None = None
+    rows: Annotated[
+        str, Field(description="a field that differs; configuration: all that one changes beside the columns' field")
+    ] = "configuration"
+    columns: Annotated[str | None, Field(description="as rows; differences are from the first column")] = None
     show: tuple[str, ...] = ()
     lost: Annotated[str | None, Field(description="what makes a run count as lost")] = None
     beside: Annotated[str | None, Field(description="CSV file of published numbers")] = None

@@ -41,6 +41,10 @@ def raw_run(**changes: Any) -> dict[str, Any]:
     kind = data["controller"].get("kind")
     if kind == "unconstrained":
         data["controller"].pop("gain", None)
+    if kind == "fabrik":
+        data["controller"].pop("gain", None)
+    if kind in ("fabrik", "dls"):
+        data["controller"].setdefault("task", "position")
     if kind == "fuzzy_clik":
         data["controller"].setdefault("rulebase", "bulgarelli2011")
     return data

@@ -12,7 +12,8 @@ import pytest
 from fzcli.errors import EngineError
 from fzcli.loop.assemble import closed_loop, parameter_row
 from fzcli.loop.compiler import Compiler, build_library, cache_folder, find_compiler, identify
-from fzcli.loop.engine import CompiledEngine, VirtualMachine, make_engine
+from fzcli.loop.engine import CompiledEngine, VirtualMachine
+from fzcli.loop.events import make_engine
 from fzcli.loop.source import c_source
 from fzcli.spec.robot import Robot
 from tests.loop.cases import run_spec

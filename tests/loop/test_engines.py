@@ -11,7 +11,8 @@ from fzcli.fuzzy.surface import build_surface
 from fzcli.loop.assemble import closed_loop, step_counts
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.compiler import find_compiler
-from fzcli.loop.engine import Batch, CompiledEngine, VirtualMachine, make_engine
+from fzcli.loop.engine import Batch, CompiledEngine, VirtualMachine
+from fzcli.loop.events import make_engine
 from fzcli.loop.rollout import Rollout
 from fzcli.loop.simulate import simulate
 from tests.loop.cases import calm_parameters, random_parameters, run_spec

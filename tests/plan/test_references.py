@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import fzcli
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
 from fzcli.plan.time_laws import TIME_LAWS
 from tests.oracle.numpy_reference import quat_exp, quat_multiply, rotation_from_quat, rotation_vector
 
 Array = NDArray[np.float64]
+MODEL = fzcli.build_model(fzcli.load_robot("bulgarelli4"))
+Q, BASE = np.array([0.4, -1.2, 0.3, 0.5]), np.array([1.0, 0.0, 0.0, 0.0])
 START = (np.array([0.4, -0.2, 0.9]), quat_exp(np.array([0.3, 0.1, -0.4])), np.array([0.05, 0.1, 0.2]))
 LINE = {"direction": (1.0, 2.0, -2.0), "length": 0.6, "duration": 8.0, "turn": (0.3, -0.5, 0.2)}
 POINTS = ((0.1, 0.0, 0.0), (0.1, 0.2, 0.0), (0.0, 0.2, 0.3))
@@ -28,11 +31,11 @@ class Motion:
     def __init__(self, kind: str, fields: dict[str, Any]) -> None:
         entry = TIP_REFERENCES[kind]
         spec = entry.spec.model_validate(fields)
-        self.reference = entry.build(spec)
+        self.reference = entry.build(spec, MODEL, None)
         values = [np.ravel(spec.value_at(p.path.removeprefix("reference."))) for p in self.reference.parameters]
         assert [len(v) for v in values] == [p.size for p in self.reference.parameters]
         self.parameters = np.concatenate(values) if values else np.zeros(0)
-        self.constants = self.reference.prepare(self.parameters, *START)
+        self.constants = self.reference.prepare(self.parameters, Q, BASE, *START)
 
     def at(self, time: float) -> list[Array]:
         return [np.array(v).ravel() for v in self.reference.evaluate(time, self.constants)]

@@ -6,8 +6,6 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-#define AT_LEAST_1(n) ((n) > 0 ? (n) : 1)
-
 typedef struct {
     V parameters[AT_LEAST_1(N_PARAMETERS)], constants[AT_LEAST_1(N_CONSTANTS)];
     V state[2][AT_LEAST_1(N_STATE)];
@@ -31,34 +29,44 @@ static void advance(Workspace *w, int64_t k)
 #endif
 }
 
-static void run_group(Workspace *w, int64_t runs, const double *parameters, const int64_t *n_steps,
-                      double *metrics, int64_t *ends, int64_t *stops, double *record, int64_t stride)
+/* begins: null for fresh runs, else the sample at which each goes on, from its row of states. A run that
+   pauses (stop -1) leaves the state before that step in its row of states, and its sample in ends. */
+static void run_group(Workspace *w, int64_t runs, const double *parameters, const int64_t *n_steps, double *metrics,
+                      int64_t *ends, int64_t *stops, double *record, int64_t stride, const int64_t *begins,
+                      double *states)
 {
-    int64_t last = 0, running = runs;
+    int64_t last = 0, running = runs, begin[LANES];
     int active[LANES];
     memset(w, 0, sizeof *w);
     FOR_LANES(i) {
         int64_t run = i < runs ? i : runs - 1; /* spare lanes repeat the last run */
         active[i] = i < runs;
+        begin[i] = begins ? begins[run] : 0;
         for (int j = 0; j < N_PARAMETERS; ++j) LANE(w->parameters[j], i) = parameters[run * N_PARAMETERS + j];
-        if (n_steps[run] > last) last = n_steps[run];
+        if (n_steps[run] - begin[i] > last) last = n_steps[run] - begin[i];
     }
     fzcli_initial(w->parameters, w->state[0], w->constants);
+    if (begins) {
+        FOR_LANES(i) for (int j = 0; j < N_STATE; ++j)
+            LANE(w->state[0][j], i) = states[(i < runs ? i : runs - 1) * N_STATE + j];
+    }
     for (int64_t k = 0; k <= last && running > 0; ++k) {
         int finished = 0;
         advance(w, k);
         if (record) {
             FOR_LANES(i) if (active[i])
                 for (int j = 0; j < N_SIGNALS; ++j)
-                    record[(i * stride + k) * N_SIGNALS + j] = LANE(w->signals[j], i);
+                    record[(i * stride + begin[i] + k) * N_SIGNALS + j] = LANE(w->signals[j], i);
         }
-        FOR_LANES(i) finished |= active[i] && (LANE(w->stop[0], i) != 0.0 || k == n_steps[i]);
+        FOR_LANES(i) finished |= active[i] && (LANE(w->stop[0], i) != 0.0 || begin[i] + k == n_steps[i]);
         if (finished) {
             fzcli_finish(w->state[~k & 1], w->constants, w->metrics);
-            FOR_LANES(i) if (active[i] && (LANE(w->stop[0], i) != 0.0 || k == n_steps[i])) {
+            FOR_LANES(i) if (active[i] && (LANE(w->stop[0], i) != 0.0 || begin[i] + k == n_steps[i])) {
                 for (int j = 0; j < N_METRICS; ++j) metrics[i * N_METRICS + j] = LANE(w->metrics[j], i);
-                ends[i] = k;
+                ends[i] = begin[i] + k;
                 stops[i] = (int64_t)LANE(w->stop[0], i);
+                if (stops[i] < 0)
+                    for (int j = 0; j < N_STATE; ++j) states[i * N_STATE + j] = LANE(w->state[k & 1][j], i);
                 active[i] = 0;
                 --running;
             }
@@ -66,10 +74,11 @@ static void run_group(Workspace *w, int64_t runs, const double *parameters, cons
     }
 }
 
-/* Row-major arrays, one row a run: parameters, metrics; record is (runs, stride, N_SIGNALS) or null.
-   Returns 0, or 1 when there is no memory for the workspace. */
+/* Row-major arrays, one row a run: parameters, metrics, states; record is (runs, stride, N_SIGNALS) or null;
+   begins and states as of run_group. Returns 0, or 1 when there is no memory for the workspace. */
 EXPORT int fzcli_rollouts(int64_t runs, const double *parameters, const int64_t *n_steps, double *metrics,
-                          int64_t *ends, int64_t *stops, double *record, int64_t stride)
+                          int64_t *ends, int64_t *stops, double *record, int64_t stride, const int64_t *begins,
+                          double *states)
 {
     char *block = malloc(sizeof(Workspace) + 64);
     if (!block) return 1;
@@ -77,7 +86,8 @@ EXPORT int fzcli_rollouts(int64_t runs, const double *parameters, const int64_t 
     for (int64_t first = 0; first < runs; first += LANES) {
         int64_t group = runs - first < LANES ? runs - first : LANES;
         run_group(w, group, parameters + first * N_PARAMETERS, n_steps + first, metrics + first * N_METRICS,
-                  ends + first, stops + first, record ? record + first * stride * N_SIGNALS : 0, stride);
+                  ends + first, stops + first, record ? record + first * stride * N_SIGNALS : 0, stride,
+                  begins ? begins + first : 0, states ? states + first * N_STATE : 0);
     }
     free(block);
     return 0;
@@ -97,6 +107,12 @@ EXPORT int fzcli_advance(Workspace *w, int64_t k, double *signals)
     advance(w, k);
     memcpy(signals, w->signals, N_SIGNALS * sizeof(double));
     return (int)w->stop[0];
+}
+/* The state before sample k, out to ``state`` or in from it (N_STATE numbers). */
+EXPORT void fzcli_state(Workspace *w, int64_t k, double *state, int in)
+{
+    if (in) memcpy(w->state[k & 1], state, N_STATE * sizeof(double));
+    else memcpy(state, w->state[k & 1], N_STATE * sizeof(double));
 }
 #endif
 

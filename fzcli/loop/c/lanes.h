@@ -9,6 +9,8 @@
 #define LANES 1
 #endif
 
+#define AT_LEAST_1(n) ((n) > 0 ? (n) : 1)
+
 /* Functions that a run calls once: compiled quickly, not for speed. The numbers are the same. */
 #if defined(__clang__)
 #define ONCE __attribute__((optnone, noinline))
