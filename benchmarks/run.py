@@ -1,7 +1,8 @@
 """All speed figures in one run, printed as ratios: ``make bench``.
 
 Every figure is a median over rounds in which the contestants take turns, so that a machine whose
-speed drifts slows all of them alike. Needs a C compiler, Pinocchio and pyfuzzylite.
+speed drifts slows all of them alike. Needs a C compiler, Pinocchio and pyfuzzylite; pink and the Robotics
+Toolbox are measured where they are installed.
 """
 
 import os
@@ -9,8 +10,6 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -18,6 +17,8 @@ import numpy as np
 import scripted_loop
 from casadi_c import CasadiC
 from plain_formulation import first_state, line_parameters, plain_loop
+from reaching import reaching
+from rounds import Contestant, take_turns
 
 import fzcli
 from fzcli.loop.assemble import closed_loop, parameter_row
@@ -28,7 +29,6 @@ from fzcli.loop.stepper import Stepper
 from fzcli.model.tree import build_tree
 from fzcli.spec.reader import read_text
 
-ROUNDS = 9
 ISAS = ("baseline", "avx2", "avx512")
 STEPS = 1200
 Q0, DIRECTION, LENGTH, DURATION = np.array([0.928, -1.393, 0.303, 0.549]), np.array([1.0, 0.0, 0.0]), 0.5, 12.0
@@ -48,6 +48,7 @@ def main() -> None:
         sys.exit("the benchmarks need a C compiler")
     print(f"host: {host_isa()}, {os.cpu_count()} cores; {compiler.identity.splitlines()[0]}")
     steps()
+    reaching()
     whole_processes()
 
 
@@ -65,7 +66,7 @@ def steps() -> None:
     repeated = np.tile(parameters[:, None], (1, 200))
     stepper = Stepper(spec)
     _agree(casadi_c.drive(start, parameters, 1, STEPS), VirtualMachine(loop), row)
-    contestants: dict[str, tuple[Callable[[], object], int]] = {
+    contestants: dict[str, Contestant] = {
         "scripted loop (pin + NumPy + pyfuzzylite)": (_scripted, 100),
         "CasADi VM, plain formulation": (lambda: machine(start, repeated), 200),
         "CasADi C, plain formulation, -O3 -march=native": (lambda: casadi_c.drive(start, parameters, 10, STEPS), 12000),
@@ -77,7 +78,7 @@ def steps() -> None:
     contestants[f"ours, {engine.lanes} lanes ({engine.isa}), 2 threads together"] = _compiled(engine, row, 2)
     print(f"plain formulation: {plain.step.n_instructions()} instructions, ours: {loop.step.n_instructions()}")
     print(f"scripted loop: pin {version('pin')}, pyfuzzylite {version('pyfuzzylite')}, numpy {version('numpy')}")
-    _report(_take_turns(contestants))
+    _report(take_turns(contestants))
 
 
 def _agree(plain_error: float, machine: VirtualMachine, row: np.ndarray) -> None:
@@ -98,23 +99,10 @@ def _walk(stepper: Stepper) -> None:
         step()
 
 
-def _compiled(engine: CompiledEngine, row: np.ndarray, jobs: int) -> tuple[Callable[[], object], int]:
+def _compiled(engine: CompiledEngine, row: np.ndarray, jobs: int) -> Contestant:
     runs = 512 * engine.lanes
     rows, counts = np.tile(row, (runs, 1)), np.full(runs, STEPS - 1)
     return (lambda: engine.run(rows, counts, jobs=jobs)), runs * STEPS
-
-
-def _take_turns(contestants: dict[str, tuple[Callable[[], object], int]]) -> dict[str, list[float]]:
-    """Nanoseconds a step of every contestant in every round."""
-    found: dict[str, list[float]] = {name: [] for name in contestants}
-    for round_number in range(ROUNDS + 1):
-        for name, (work, count) in contestants.items():
-            before = time.perf_counter()
-            work()
-            seconds = time.perf_counter() - before
-            if round_number:  # the first warms up
-                found[name].append(seconds / count * 1e9)
-    return found
 
 
 def _report(found: dict[str, list[float]]) -> None:

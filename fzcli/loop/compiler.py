@@ -26,7 +26,10 @@ FLAGS = (
     "-fno-trapping-math",
     "-Wno-psabi",
 )
-GCC_FLAGS = ("-fschedule-insns",)  # worth a tenth on a thousand vector instructions in a row
+GCC_FLAGS = (
+    "-fschedule-insns",  # worth a tenth on a thousand vector instructions in a row
+    "-fno-tree-slp-vectorize",  # gcc 12 makes fmaddsub of scalar a * b -+ c pairs, whatever -ffp-contract says
+)
 ISA_FLAGS = {"avx512": ("-march=x86-64-v4",), "avx2": ("-march=x86-64-v3",), "baseline": ()}
 ISA_LANES = {"avx512": 8, "avx2": 4, "baseline": 2}
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-PIECES = 32  # a step
+PIECES = 8  # a step, of fourth order: some thousand times finer than the step itself
 ATTITUDE_ERROR = "attitude_error_max"
 
 

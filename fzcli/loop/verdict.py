@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.loop.rollout import Status
 from fzcli.loop.run_spec import BoundsSpec
 from fzcli.loop.stops import FAILURES, STOP_REASONS
 from fzcli.spec.quantity import Signal
+from fzcli.spec.result import Status
 
 Array = NDArray[np.float64]
 # metric of the certificate -> its bound's field; a run is flagged beyond the bound (below it, for the last)

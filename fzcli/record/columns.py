@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import RecordError
-from fzcli.loop.rollout import STATUS_NAMES, Array, Provenance, Rollout, Status
+from fzcli.loop.rollout import Array, Rollout
 from fzcli.record.hdf5 import GroupWriter, dimension_names, is_text, read_texts
 from fzcli.record.names import AXIS, DIMENSIONS, KNOWN_LABELS, QUATERNION, RESERVED, TRAJECTORIES, TWIST, Name
 from fzcli.spec.quantity import Signal
+from fzcli.spec.result import STATUS_NAMES, Provenance, Status
 
 _LABELS = {"axis": AXIS, "quaternion": QUATERNION, "twist": TWIST}
 

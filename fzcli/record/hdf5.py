@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import RecordError
-from fzcli.loop.rollout import STATUS_NAMES, Provenance
 from fzcli.record.names import DIMENSIONS, EXTRAS, FORMAT, Name
+from fzcli.spec.result import STATUS_NAMES, Provenance
 
 Precision = Literal["f4", "f8"]
 FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}

@@ -7,9 +7,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from fzcli.loop.rollout import STATUS_NAMES, Provenance
 from fzcli.record.hdf5 import dimension_names, is_scale, is_text, open_file, read_provenance, read_text, walk
 from fzcli.record.sweep_file import metric_names, read_configs
+from fzcli.spec.result import STATUS_NAMES, Provenance
 
 
 @dataclass(frozen=True)

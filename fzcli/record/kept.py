@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.loop.rollout import Array, Provenance, Rollout
+from fzcli.loop.rollout import Array, Rollout
 from fzcli.record.columns import (
     build_rollout,
     column_attributes,
@@ -24,6 +24,7 @@ from fzcli.record.columns import (
 from fzcli.record.hdf5 import GroupWriter, provenance_from_json, provenance_to_json, read_texts
 from fzcli.record.names import DIMENSIONS, EXTRAS, Name
 from fzcli.record.sweep_record import KeptRun
+from fzcli.spec.result import Provenance
 
 
 def write_kept(writer: GroupWriter, kept: Sequence[KeptRun], origin: Provenance) -> None:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.loop.rollout import Provenance, Rollout
+from fzcli.loop.rollout import Rollout
 from fzcli.spec.quantity import Signal
+from fzcli.spec.result import Provenance
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import RecordError
-from fzcli.loop.rollout import STATUS_NAMES
 from fzcli.record.names import INDEX_COLUMNS, signal_of
 from fzcli.record.sweep_record import SweepRecord
 from fzcli.record.table_beside import read_paper
@@ -17,6 +16,7 @@ from fzcli.record.table_places import CONFIGURATION, Place, Value, has_entry, pl
 from fzcli.record.table_spec import DEFAULT_LOST, LostRule, TableSpec
 from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
+from fzcli.spec.result import STATUS_NAMES
 
 
 @dataclass(frozen=True)

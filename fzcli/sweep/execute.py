@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fzcli.errors import FzcliError, Problem, SpecError
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.reductions import seen
-from fzcli.loop.rollout import Provenance, Rollout
+from fzcli.loop.rollout import Rollout
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.simulate import provenance, rollouts
 from fzcli.loop.verdict import BOUNDED, OUTCOME, outcomes, status_codes
@@ -23,6 +23,7 @@ from fzcli.spec.library import find, shipped_root
 from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.reader import read
+from fzcli.spec.result import Provenance
 from fzcli.spec.units import unit_at
 from fzcli.sweep.builds import Build, Builds, Rows, rows_of, split
 from fzcli.sweep.resolve import Sweep, resolve

@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from fzcli.loop.rollout import Provenance, Rollout, Status
+from fzcli.loop.rollout import Rollout
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.spec.quantity import Signal
+from fzcli.spec.result import Provenance, Status
 
 JOINTS = ("q1", "q2", "q3", "q4")
 SIGNALS = {

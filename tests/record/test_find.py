@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fzcli.errors import UsageError
-from fzcli.loop.rollout import Provenance
 from fzcli.record.find import configuration, drawn, find, nested
 from fzcli.record.sweep_record import SweepRecord
+from fzcli.spec.result import Provenance
 
 COUNT = 40
 FIRST = 7

@@ -11,13 +11,13 @@ import xarray
 from test_rollout_file import assert_same
 
 from fzcli.errors import RecordError
-from fzcli.loop.rollout import Provenance
 from fzcli.record import hdf5
 from fzcli.record.rollout_file import read_rollout, write_rollout
 from fzcli.record.sweep_file import read_sweep, read_table_spec, write_sweep
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table_spec import TableSpec
 from fzcli.spec.quantity import Signal
+from fzcli.spec.result import Provenance
 
 
 def assert_same_sweep(one: SweepRecord, other: SweepRecord) -> None:

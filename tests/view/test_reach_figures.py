@@ -11,10 +11,10 @@ import reaching_runs
 from scipy.spatial.transform import Rotation
 
 from fzcli.errors import RecordError, UsageError
-from fzcli.loop.rollout import Status
 from fzcli.record.rollout_file import write_rollout
 from fzcli.record.sweep_file import write_sweep
 from fzcli.record.sweep_record import KeptRun
+from fzcli.spec.result import Status
 from fzcli.view.joint_plot import joints_figure
 from fzcli.view.plots import plot
 from fzcli.view.reach_plot import reach_figure, turn_angle
