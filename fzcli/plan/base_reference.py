@@ -7,7 +7,7 @@ import casadi as ca
 from pydantic import Field
 
 from fzcli.plan.reference import BaseReference
-from fzcli.plan.time_laws import TIME_LAWS
+from fzcli.plan.time_laws.registry import TIME_LAWS, TimeLawName
 from fzcli.spec.base import SpecModel
 from fzcli.spec.quantity import Parameter
 from fzcli.spec.units import Angle, Duration
@@ -23,7 +23,7 @@ class BaseTurnSpec(SpecModel):
     """From the angles at the start to ``angles`` in ``duration``, each the short way round."""
 
     kind: Literal["turn"] = "turn"
-    law: Literal["3-4-5"] = "3-4-5"
+    law: TimeLawName = "3-4-5"
     angles: Annotated[tuple[Angle, Angle, Angle], Field(description="roll, pitch, yaw at the end")]
     duration: Annotated[Duration, Field(gt=0, description="of the turn")]
 

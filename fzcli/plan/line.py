@@ -9,7 +9,7 @@ from fzcli.model import RobotModel
 from fzcli.model.algebra import dot
 from fzcli.model.attitude import exponential, multiply
 from fzcli.plan.reference import Start, TipMotion, TipReference, tip_reference
-from fzcli.plan.time_laws import TIME_LAWS
+from fzcli.plan.time_laws.registry import TIME_LAWS, TimeLawName
 from fzcli.spec.base import SpecModel
 from fzcli.spec.quantity import Parameter
 from fzcli.spec.units import Angle, Duration, Length
@@ -19,7 +19,7 @@ class LineSpec(SpecModel):
     """x_d = x_0 + direction length s(t/T), world axes; R_d = exp(turn s) R_0."""
 
     kind: Literal["line"] = "line"
-    law: Literal["3-4-5"] = "3-4-5"
+    law: TimeLawName = "3-4-5"
     direction: Annotated[tuple[float, float, float], Field(description="of the motion, world axes; any length")]
     length: Annotated[Length, Field(ge=0, description="of the tip's displacement")]
     duration: Annotated[Duration, Field(gt=0, description="of the motion")]

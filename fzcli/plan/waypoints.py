@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from fzcli.model import RobotModel
 from fzcli.model.attitude import exponential, multiply
 from fzcli.plan.reference import Start, TipMotion, TipReference, tip_reference
-from fzcli.plan.time_laws import TIME_LAWS
+from fzcli.plan.time_laws.registry import TIME_LAWS, TimeLawName
 from fzcli.spec.base import SpecModel
 from fzcli.spec.quantity import Parameter
 from fzcli.spec.units import Angle, Duration, Length
@@ -21,7 +21,7 @@ class WaypointsSpec(SpecModel):
     """Segments between points, each with its own duration and time law from rest to rest."""
 
     kind: Literal["waypoints"] = "waypoints"
-    law: Literal["3-4-5"] = "3-4-5"
+    law: TimeLawName = "3-4-5"
     points: Annotated[tuple[Point, ...], Field(min_length=1, description="the points to visit, in order")]
     relative: Annotated[
         bool, Field(description="points are displacements from the tip's start, world axes; else world positions")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import fzcli
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
-from fzcli.plan.time_laws import TIME_LAWS
+from fzcli.plan.time_laws.registry import TIME_LAWS
 from tests.oracle.numpy_reference import quat_exp, quat_multiply, rotation_from_quat, rotation_vector
 
 Array = NDArray[np.float64]

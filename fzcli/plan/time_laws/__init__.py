@@ -1,0 +1,1 @@
+"""Rest-to-rest time laws, one a file."""
