@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import casadi as ca
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
 from fzcli.control.aim import aim_at
 from fzcli.control.fabrik_sweep import Followed, Links, SweepRule, followed_points, sweep, virtual_sweep
@@ -46,12 +46,13 @@ class FabrikSpec(ReachingSpec):
     ] = None
     clamp: Annotated[bool, Field(description="keep to the joints' speed limits; false only to study the law")] = True
 
-    @model_validator(mode="after")
-    def _points_beyond(self) -> "FabrikSpec":
-        for i, points in enumerate(self.follow or (), start=1):
+    @field_validator("follow")
+    @classmethod
+    def _points_beyond(cls, follow: tuple[tuple[int, ...], ...] | None) -> tuple[tuple[int, ...], ...] | None:
+        for i, points in enumerate(follow or (), start=1):
             if not points or min(points) <= i:
-                raise ValueError(f"follow: hinge {i} can turn towards points {i + 1} and beyond, got {list(points)}")
-        return self
+                raise ValueError(f"hinge {i} can turn towards points {i + 1} and beyond, got {list(points)}")
+        return follow
 
 
 def build(model: RobotModel, spec: FabrikSpec) -> Law:

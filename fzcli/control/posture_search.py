@@ -17,6 +17,7 @@ from fzcli.spec.units import Angle, Length
 
 VIRTUAL_TIP = 0.2  # m: length that a direction is weighed with
 SWEEP_CAP = 0.2  # rad a hinge and sweep
+UNSTATED = 20.0  # rad/s: of a joint without a stated speed
 
 
 class PostureSearchSpec(SpecModel):
@@ -94,8 +95,8 @@ def slowest(model: RobotModel, way: ca.SX) -> ca.SX:
     """Seconds that the joint which needs longest takes for its part of ``way`` (n) at its speed limit."""
     needed = ca.SX(0)
     for i, speed in enumerate(model.tree.speed_limits):
-        if speed < float("inf"):
-            needed = ca.fmax(needed, ca.fabs(way[i]) * (1 / float(speed)))
+        pace = float(speed) if speed < float("inf") else UNSTATED
+        needed = ca.fmax(needed, ca.fabs(way[i]) * (1 / pace))
     return needed
 
 

@@ -27,7 +27,7 @@ def _switch(value: Any) -> Any:
 
 
 class ReachingSpec(SpecModel):
-    """Fields of every law of this family."""
+    """Fields of every law of this family. A joint without a stated speed turns at most 0.2 rad a period."""
 
     kind: str
     task: Annotated[
@@ -57,12 +57,14 @@ def step_bounds(model: RobotModel, q: ca.SX, cap: list[ca.SX] | float) -> tuple[
 
 
 def period_caps(model: RobotModel, period: ca.SX, clamp: bool = True) -> list[ca.SX]:
-    """How far every joint may turn in a period [rad], by its speed limit."""
-    speeds = [float(speed) if clamp else float("inf") for speed in model.tree.speed_limits]
-    return [speed * period if speed < float("inf") else ca.SX(FREE) for speed in speeds]
+    """How far every joint may turn in a period [rad], by its speed limit, or `UNSTATED` where it has none."""
+    if not clamp:
+        return [ca.SX(FREE)] * model.n
+    return [float(speed) * period if speed < float("inf") else ca.SX(UNSTATED) for speed in model.tree.speed_limits]
 
 
 FREE = 1.0e3  # rad: no limit
+UNSTATED = 0.2  # rad: an arm without a stated speed must not jump to the target at once
 
 
 def unsuited(tree: Tree, tip: str, spec: ReachingSpec) -> Iterator[Misfit]:
@@ -119,7 +121,11 @@ def reaching_law(
     signals, metrics = _out_of_reach(model, spec, inputs, aim)
     around = None
     if spec.restart is not None:
-        around = with_restart(spec.restart, model, inputs, aim, spec.directed, spec.tip, command)
+        left = aim.angle if spec.directed else ca.SX(0)
+        if spec.task == "pose":  # the roll may take longest, and no other posture would shorten it
+            left = left + ca.fabs(free_turn(model, reaching_chain(model, spec), inputs.q, aim))
+        caps = period_caps(model, inputs.period)
+        around = with_restart(spec.restart, model, inputs, aim, left, caps, spec.directed, spec.tip, command)
         signals.update(around.signals)
         metrics += around.metrics
     return make_law(

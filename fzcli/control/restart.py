@@ -11,10 +11,10 @@ from pydantic import Field
 
 from fzcli.control.aim import Aim
 from fzcli.control.law import LawInputs, Search
-from fzcli.control.posture_search import PostureSearchSpec, posture_search, slowest
+from fzcli.control.posture_search import PostureSearchSpec, posture_search
 from fzcli.model import RobotModel
 from fzcli.spec.quantity import Metric, Signal
-from fzcli.spec.units import Length
+from fzcli.spec.units import Duration, Length
 
 FAR = 1.0e300
 AT_POSTURE = 1e-9  # rad: the drive has arrived
@@ -24,7 +24,7 @@ class RestartSpec(PostureSearchSpec):
     """When to search for another posture."""
 
     at_start: Annotated[bool, Field(description="search before the first step as well")] = False
-    stall_steps: Annotated[int, Field(ge=1, description="steps without progress that make a stall")] = 15
+    stall: Annotated[Duration, Field(gt=0, description="time without progress that makes a stall")] = 0.15
     progress: Annotated[
         float, Field(gt=0, lt=1, description="share by which distance + angle_weight x angle must fall to count")
     ] = 0.05
@@ -64,11 +64,20 @@ class _Memory:
 
 
 def with_restart(
-    spec: RestartSpec, model: RobotModel, inputs: LawInputs, aim: Aim, directed: bool, tip: str | None, command: ca.SX
+    spec: RestartSpec,
+    model: RobotModel,
+    inputs: LawInputs,
+    aim: Aim,
+    left: ca.SX,
+    caps: list[ca.SX],
+    directed: bool,
+    tip: str | None,
+    command: ca.SX,
 ) -> Restart:
     """Watch the law's progress, and put the drive to a found posture in its place.
 
-    ``command`` (n) [rad/s] is the law's own. The drive is a straight line of the joints, all scaled
+    ``command`` (n) [rad/s] is the law's own, ``left`` [rad] what its tip has still to turn, ``caps`` (n) how far
+    joints may go in a period. The drive is a straight line of the joints, all scaled
     alike to their speeds: the attitude that the base ends with hangs on the path.
     """
     n = model.n
@@ -78,16 +87,16 @@ def with_restart(
     largest = _largest([ca.fabs(rest[i]) for i in range(n)])
     landed = ca.logic_and(old.driving, largest <= AT_POSTURE)
     driving = ca.logic_and(old.driving, ca.logic_not(landed))
-    measure = aim.distance + (spec.angle_weight * aim.angle if directed else 0)
+    measure = aim.distance + spec.angle_weight * left
     best, count = ca.if_else(landed, FAR, old.best), ca.if_else(landed, 0, old.count)
     better = measure < (1 - spec.progress) * best
     best, count = ca.if_else(better, measure, best), ca.if_else(better, 0, count + 1)
-    stalled = count >= spec.stall_steps
+    stalled = count * inputs.period >= spec.stall - 1e-9
     if spec.at_start:
         stalled = ca.logic_or(stalled, old.searches == 0)
-    asks = ca.logic_and(ca.logic_not(driving), stalled)
-    periods = slowest(model, rest) / inputs.period
-    drive = rest * (1 / (ca.fmax(1, periods) * inputs.period))
+    asks = ca.logic_and(ca.logic_and(ca.logic_not(driving), stalled), measure < FAR)
+    periods = _largest([ca.SX(1), *(ca.fabs(rest[i]) / caps[i] for i in range(n))])
+    drive = rest * (1 / (periods * inputs.period))
     new = _Memory(
         ca.if_else(driving, old.best, best),
         ca.if_else(driving, old.count, count),

@@ -161,6 +161,9 @@ def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
         yield ("controller", "tip"), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"
 
 
+_FIXED = {"direction": "direction", "pose": "position and orientation"}
+
+
 def _unaimed(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
     """Where target, stop condition and the controller's task do not fit together."""
     aim, task = getattr(spec.reference, "aim", ""), getattr(spec.controller, "task", "")
@@ -178,6 +181,9 @@ def _unaimed(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
                 yield ("stop", field), f"is missing: the reference fixes the tip's {field}"
             if aim != wanted and given is not None:
                 yield ("stop", field), f"the reference fixes no {field} of the tip"
+        free = {"direction": ("position",), "pose": ("position", "approach", "orientation")}.get(aim, ())
+        if task in free and getattr(spec.stop, "direction" if aim == "direction" else "orientation") is not None:
+            yield ("controller", "task"), f"{task!r} leaves free what stop waits for: the tip's {_FIXED[aim]}"
     if aim == "position" and task in ("approach", "pose", "orientation"):
         hint = "; give reference.direction, or controller.task: position" if task == "approach" else ""
         yield ("controller", "task"), f"{task!r} needs more than the reference's position{hint}"

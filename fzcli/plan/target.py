@@ -110,9 +110,10 @@ def build(spec: TargetSpec, model: RobotModel, tip: str | None = None) -> TipRef
 def quaternion_to(direction: ca.SX) -> ca.SX:
     """The least turn that lays z on a unit vector (3), as a quaternion (4); about x where it is -z."""
     x, y, z = direction[0], direction[1], direction[2]
-    opposite = z < -1 + 1e-12
-    size = 1 / ca.sqrt(ca.fmax(2 * (1 + z), 1e-30))
-    return ca.if_else(opposite, ca.vertcat(0, 1, 0, 0), ca.vertcat((1 + z) * size, -y * size, x * size, 0))
+    across = x * x + y * y
+    up = ca.if_else(z < 0, across / (1 - z), 1 + z)  # 1 + z, without cancellation near -z
+    size = 1 / ca.sqrt(ca.fmax(up * up + across, 1e-300))
+    return ca.if_else(across + up > 0, ca.vertcat(up * size, -y * size, x * size, 0), ca.vertcat(0, 1, 0, 0))
 
 
 def quaternion_from_rpy(rpy: ca.SX) -> ca.SX:
