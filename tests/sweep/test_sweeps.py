@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fzcli.loop.compiler import find_compiler
+from fzcli.loop.replay import ATTITUDE_ERROR
 from fzcli.loop.simulate import simulate
 from fzcli.record.sweep_record import SweepRecord
 from fzcli.spec.document import document_of
@@ -128,7 +129,8 @@ def test_kept_runs_are_best_median_and_worst() -> None:
             assert getattr(alone, name).tobytes() == getattr(kept.rollout, name).tobytes(), name
         for name, values in alone.signals.items():
             assert values.tobytes() == kept.rollout.signals[name].tobytes(), name
-        assert dict(alone.metrics) == dict(kept.rollout.metrics)
+        measured = {name: value for name, value in alone.metrics.items() if name != ATTITUDE_ERROR}  # of single runs
+        assert measured == dict(kept.rollout.metrics)
         assert alone.status == kept.rollout.status
 
 
