@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.spec.robot import Frame, Link, Robot, Tip
+from fzcli.spec.shapes import Shape, placed
 
 Array = NDArray[np.float64]
 
@@ -70,8 +71,17 @@ class TipFrame:
 
 
 @dataclass(frozen=True)
+class BodySolid:
+    """A solid of link ``link`` for collisions, in the frame of the body (-1: the base) that carries it."""
+
+    link: str
+    body: int
+    shape: Shape
+
+
+@dataclass(frozen=True)
 class Tree:
-    """The robot's bodies in joint order (depth first, children in file order), and its tips."""
+    """The robot's bodies in joint order (depth first, children in file order), its tips and its solids."""
 
     base: Inertia
     floating: bool
@@ -79,6 +89,7 @@ class Tree:
     tips: dict[str, TipFrame]
     position_limits: Array  # (n, 2), infinite where the spec states none
     speed_limits: Array  # (n,)
+    solids: tuple[BodySolid, ...] = ()
 
     def ancestors(self, body: int) -> list[int]:
         """The bodies from the base to ``body``, itself included."""
@@ -189,4 +200,15 @@ def build_tree(robot: Robot) -> Tree:
         tips,
         np.array(limits, dtype=float).reshape(-1, 2),
         np.array(speeds, dtype=float),
+        _solids(robot, frames),
     )
+
+
+def _solids(robot: Robot, frames: dict[str, TipFrame]) -> tuple[BodySolid, ...]:
+    """The base's solids, then the links' in file order, each in its body's frame."""
+    found = [BodySolid(robot.base.name, -1, shape) for shape in robot.base.collision]
+    for link in robot.links:
+        frame = frames[link.name]
+        turn, shift = frame.place.rotation, frame.place.translation
+        found += [BodySolid(link.name, frame.body, placed(shape, turn, shift)) for shape in link.collision]
+    return tuple(found)

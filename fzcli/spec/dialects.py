@@ -15,6 +15,7 @@ from fzcli.spec.robot_file import (
     RobotFile,
     RowFile,
 )
+from fzcli.spec.shapes import placed
 from fzcli.spec.tree import arranged
 
 NO_INERTIA = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -41,7 +42,13 @@ def from_frames(file: RobotFile, document: Document, name: str) -> Robot:
 def base_of(base: BaseFile) -> Base:
     """The normalised base; a fixed one without mass counts as massless, which nothing asks for."""
     inertia = base.inertia or NO_INERTIA
-    return Base(floating=base.floating, mass=base.mass or 0.0, com=base.com, inertia=inertia)
+    return Base(
+        floating=base.floating,
+        mass=base.mass or 0.0,
+        com=base.com,
+        inertia=inertia,
+        collision=base.collision,
+    )
 
 
 def frame_of(frame: FrameFile) -> Frame:
@@ -58,6 +65,7 @@ def _link(link: LinkFile, before: str) -> Link:
         mass=link.mass,
         com=link.com,
         inertia=link.inertia or NO_INERTIA,
+        collision=link.collision,
     )
 
 
@@ -75,7 +83,7 @@ def from_dh(file: DhRobotFile, document: Document, name: str) -> Robot:
     """A robot written as a standard DH table.
 
     Joint i moves about (or along) z of DH frame i-1, so link i's frame is DH frame i-1 carried by q_i;
-    DH frame i stands in it at ``A_i(q_i = 0)``, through which com, inertia and tips pass.
+    DH frame i stands in it at ``A_i(q_i = 0)``, through which com, inertia, collision and tips pass.
 
     Raises:
         SpecError: what ``tree.arranged`` finds.
@@ -135,4 +143,5 @@ def _row_link(row: RowFile, parent: str, at: Frame, after: Array) -> Link:
         mass=row.mass,
         com=vector(turn @ row.com + after[:3, 3]),
         inertia=turned_inertia(turn, tensor(row.inertia or NO_INERTIA)),
+        collision=tuple(placed(shape, turn, after[:3, 3]) for shape in row.collision),
     )

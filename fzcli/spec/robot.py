@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from fzcli.spec.base import SpecModel
+from fzcli.spec.shapes import Shape
 
 Vector3 = tuple[float, float, float]
 JointType = Literal["revolute", "continuous", "prismatic", "fixed"]
@@ -33,7 +34,8 @@ class Joint(SpecModel):
 class Link(SpecModel):
     """A rigid body: mass [kg], centre of mass ``com`` [m] and inertia about it [kg m2], link axes.
 
-    ``inertia`` is xx, yy, zz, xy, xz, yz; ``parent`` is a link's name, or "base".
+    ``inertia`` is xx, yy, zz, xy, xz, yz; ``parent`` is a link's name, or "base". ``collision``: its solids in
+    the link's frame; ``unread``: collision geometry that could not be read, so that planning refuses the robot.
     """
 
     name: str
@@ -43,16 +45,20 @@ class Link(SpecModel):
     mass: float
     com: Vector3 = (0.0, 0.0, 0.0)
     inertia: tuple[float, float, float, float, float, float]
+    collision: tuple[Shape, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 class Base(SpecModel):
-    """The base body; with ``floating`` False its inertia counts as infinite."""
+    """The base body; with ``floating`` False its inertia counts as infinite. Collision as of a link."""
 
     name: str = "base"
     floating: bool = True
     mass: float
     com: Vector3 = (0.0, 0.0, 0.0)
     inertia: tuple[float, float, float, float, float, float]
+    collision: tuple[Shape, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 class Tip(SpecModel):

@@ -10,6 +10,7 @@ from fzcli.spec.base import SpecModel
 from fzcli.spec.nearest import shown
 from fzcli.spec.physics import Inertia6, Vector3, check_body
 from fzcli.spec.robot import JointType
+from fzcli.spec.shapes import Angles, CollisionFile, Point, Shape
 from fzcli.spec.units import Angle, InertiaMoment, JointSpeed, JointValue, Length, Mass, quantity
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -58,8 +59,6 @@ def _unit_axis(axis: Vector3) -> Vector3:
 
 
 Name = Annotated[str, AfterValidator(_name)]
-Point = tuple[Length, Length, Length]
-Angles = tuple[Angle, Angle, Angle]
 InertiaNumbers = Annotated[
     tuple[InertiaMoment, InertiaMoment, InertiaMoment, InertiaMoment, InertiaMoment, InertiaMoment],
     BeforeValidator(_inertia),
@@ -96,7 +95,7 @@ BodyInertia = Annotated[
 ]
 
 
-class BodyFile(SpecModel):
+class BodyFile(CollisionFile):
     """Mass (0: a frame without a body), centre of mass in the body's frame, inertia about it."""
 
     mass: Annotated[Mass, AfterValidator(_positive)]
@@ -104,7 +103,7 @@ class BodyFile(SpecModel):
     inertia: BodyInertia = None
 
 
-class MaybeBodyFile(SpecModel):
+class MaybeBodyFile(CollisionFile):
     """The same, where the mass need not be said."""
 
     mass: Annotated[Mass | None, AfterValidator(_positive)] = None
@@ -209,7 +208,7 @@ class RobotFile(SpecModel):
 
 
 class RowFile(BodyFile, MotionFile):
-    """A row of a standard DH table: joint i about z of frame i-1; com and inertia in frame i.
+    """A row of a standard DH table: joint i about z of frame i-1; com, inertia and collision in frame i.
 
     ``theta`` (``d`` for a prismatic joint) is the value at q = 0.
     """
@@ -254,17 +253,18 @@ class DhRobotFile(SpecModel):
 
 
 class UrdfBaseFile(MaybeBodyFile):
-    """What to say about the base over the URDF: whether it floats, another mass, CoM and inertia."""
+    """What to say about the base over the URDF: whether it floats, another mass, CoM and inertia, its solids."""
 
     floating: bool = True
 
 
 class UrdfRobotFile(SpecModel):
-    """A robot from a URDF; ``base`` and ``tips`` replace what it says."""
+    """A robot from a URDF; ``base``, ``tips`` and ``collision`` replace what it says."""
 
     kind: Literal["robot"]
     name: Name | None = Field(default=None, description="default: the URDF's name")
     about: str = ""
     urdf: str = Field(description="the URDF's path, from this file's folder")
     base: UrdfBaseFile = UrdfBaseFile()
+    collision: dict[str, tuple[Shape, ...]] = Field(default_factory=dict, description="solids of links, by name")
     tips: dict[Name, TipFile] | None = Field(default=None, min_length=1)

@@ -1,4 +1,4 @@
-"""URDF, through yourdfpy, as a dialect of the one robot spec; meshes are never loaded.
+"""URDF, through yourdfpy, as a dialect of the one robot spec.
 
 Format: wiki.ros.org/urdf/XML. The root link is the base, each leaf link a tip of its name.
 """
@@ -7,7 +7,7 @@ import io
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,7 +21,9 @@ from fzcli.spec.physics import Inertia6, Vector3, check_body, rpy_of, snapped, t
 from fzcli.spec.reader import read_bytes
 from fzcli.spec.robot import Base, Frame, Joint, Link, Robot, Tip
 from fzcli.spec.robot_file import UrdfBaseFile, UrdfRobotFile
+from fzcli.spec.shapes import Shape
 from fzcli.spec.tree import arranged
+from fzcli.spec.urdf_shapes import read_collisions
 
 _TYPES = ("revolute", "continuous", "prismatic", "fixed")
 _NO_INERTIA: Inertia6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -32,10 +34,12 @@ class _Body:
     mass: float = 0.0
     com: Vector3 = (0.0, 0.0, 0.0)
     inertia: Inertia6 = _NO_INERTIA
+    collision: tuple[Shape, ...] = ()
+    unread: tuple[str, ...] = ()
 
 
 def read_urdf(path: Path, additions: UrdfRobotFile | None = None) -> Robot:
-    """A URDF as a robot; ``additions`` (a YAML file that names the URDF) replace base, tips and name.
+    """A URDF as a robot; ``additions`` (a YAML file that names the URDF) replace base, tips, name, solids.
 
     A link called "base" that is not the root becomes "base_frame": "base" names the base body.
 
@@ -46,6 +50,7 @@ def read_urdf(path: Path, additions: UrdfRobotFile | None = None) -> Robot:
     urdf = _parsed(path)
     root = _root(urdf, path)
     base, links = _bodies(urdf, root, additions.base if additions else UrdfBaseFile(), path)
+    links = _solids(links, additions, path)
     tips = _tips(links, additions)
 
     def report(message: str, steps: Steps) -> Problem:
@@ -66,7 +71,8 @@ def _bodies(urdf: Any, root: str, overrides: UrdfBaseFile, path: Path) -> tuple[
     bodies = {link.name: _Body() for link in urdf.links}
     for link in urdf.links:
         try:
-            bodies[link.name] = _body(link)
+            collision, unread = read_collisions(link, path.parent)
+            bodies[link.name] = replace(_body(link), collision=collision, unread=unread)
         except ValueError as error:
             problems.append(Problem(f"link '{link.name}': {error}", file=str(path)))
     links = []
@@ -190,6 +196,8 @@ def _link(joint: Any, root: str, body: _Body) -> Link:
         mass=body.mass,
         com=body.com,
         inertia=body.inertia,
+        collision=body.collision,
+        unread=body.unread,
     )
 
 
@@ -224,13 +232,38 @@ def _limits(joint: Any) -> tuple[tuple[float, float] | None, float | None]:
 
 def _base(root: str, body: _Body, overrides: UrdfBaseFile) -> Base:
     if overrides.mass is not None:
-        body = _Body(overrides.mass, overrides.com, overrides.inertia or _NO_INERTIA)
+        inertia = overrides.inertia or _NO_INERTIA
+        body = replace(body, mass=overrides.mass, com=overrides.com, inertia=inertia)
+    if overrides.collision:
+        body = replace(body, collision=overrides.collision, unread=())
     if overrides.floating and body.mass == 0:
         raise ValueError(
             f"base link '{root}' floats but has no inertia; give it one, or name this URDF in a YAML robot "
             "with base: {mass: ..., inertia: ...} or base: {floating: false}"
         )
-    return Base(name=root, floating=overrides.floating, mass=body.mass, com=body.com, inertia=body.inertia)
+    return Base(
+        name=root,
+        floating=overrides.floating,
+        mass=body.mass,
+        com=body.com,
+        inertia=body.inertia,
+        collision=body.collision,
+        unread=body.unread,
+    )
+
+
+def _solids(links: list[Link], additions: UrdfRobotFile | None, path: Path) -> list[Link]:
+    """The links with the solids that the additions give some of them."""
+    given = additions.collision if additions else {}
+    names = {link.name: None for link in links}
+    unknown = [name for name in given if name not in names]
+    if unknown:
+        texts = [f"unknown link '{name}'{hint(name, names, 'known links')}" for name in unknown]
+        raise SpecError([Problem(text, "collision", str(path)) for text in texts])
+    return [
+        link.model_copy(update={"collision": given[link.name], "unread": ()}) if link.name in given else link
+        for link in links
+    ]
 
 
 def _tips(links: list[Link], additions: UrdfRobotFile | None) -> dict[str, Tip]:
