@@ -17,12 +17,13 @@ if TYPE_CHECKING:  # the heavy rooms load when a function needs them
 
     from fzcli.loop.rollout import Rollout
     from fzcli.model import RobotModel
+    from fzcli.plan.plan import Plan
     from fzcli.record.sweep_record import SweepRecord
     from fzcli.spec.robot import Robot
     from fzcli.spec.rulebase import Rulebase
 
 __version__ = "0.1.0"
-__all__ = ["build_model", "build_surface", "load_robot", "load_rulebase", "simulate", "sweep"]
+__all__ = ["build_model", "build_surface", "load_robot", "load_rulebase", "plan", "simulate", "sweep"]
 
 Source = str | Path
 
@@ -96,3 +97,21 @@ def sweep(
     if output is not None:
         save_sweep(resolved, record, output)
     return record
+
+
+def plan(
+    run: Source, *, sets: Sequence[str] = (), output: Source | None = None, argv: Sequence[str] = ()
+) -> "Plan":
+    """Plan a path from start to goal that keeps clear of a scene.
+
+    ``run`` is a path, a name, or "-" for standard input; ``output`` is the HDF5 file to write, none by default.
+    A plan that touches something (only the paper's procedure makes such) is returned as failed and not written.
+    Raises SpecError for bad input, NoPlanError where no path is found.
+    """
+    from fzcli.plan.load import load_plan, make_plan
+    from fzcli.record.plan_file import write_plan
+
+    found = make_plan(load_plan(run, sets), argv)
+    if output is not None and found.status.name != "failed":
+        write_plan(found, output)
+    return found

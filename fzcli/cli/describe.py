@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fzcli.loop.run_spec import SimulateRun
+    from fzcli.plan.planning import Task
     from fzcli.spec.robot import Link, Robot
     from fzcli.spec.rulebase import Rulebase
     from fzcli.sweep.resolve import Sweep
@@ -94,6 +95,7 @@ def describe_rulebase(rulebase: "Rulebase") -> list[str]:
 def describe_simulation(spec: "SimulateRun", variants: Sequence[str]) -> list[str]:
     """What runs: robot, law, reference, step, steps."""
     from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
+    from fzcli.loop.printer import instructions
 
     loop = closed_loop(spec, record=True)
     steps = int(step_counts(loop, spec, parameter_row(spec, loop.parameters)[None, :])[0])
@@ -103,7 +105,7 @@ def describe_simulation(spec: "SimulateRun", variants: Sequence[str]) -> list[st
         "variants": ", ".join(variants),
         **_facts(spec),
         "steps": f"{steps} of {spec.step:g} s, {spec.method}",
-        "loop": f"{loop.step.n_instructions()} instructions a step",
+        "loop": f"{instructions(loop.step)} instructions a step",
         "signals": ", ".join(signal.name for signal in loop.signals),
         "parameters": ", ".join(parameter.path for parameter in loop.parameters),
     }
@@ -123,6 +125,23 @@ def describe_sweep(sweep: "Sweep") -> list[str]:
     facts["filter"] = " and ".join(trajectories.keep_if.that) if trajectories.keep_if else ""
     count, configurations = trajectories.count, len(sweep.specs)
     facts["runs"] = f"{configurations} configurations x {count} trajectories = {configurations * count}"
+    return _facts_lines(facts)
+
+
+def describe_plan(task: "Task") -> list[str]:
+    """What is planned: robot, start and goals, scene, pairs that are watched."""
+    spec, world = task.spec, task.world
+    base = "floating" if task.model.floating else "fixed"
+    facts = {
+        "kind": "plan",
+        "about": spec.about,
+        "robot": f"{spec.robot.name}, {base} base",
+        "goals": f"{len(task.goals)} final posture{'s' if len(task.goals) > 1 else ''}",
+        "scene": ", ".join(world.scene.names),
+        "watched": f"{len(world.clearance.pairs)} pairs of solids, {1e3 * spec.margin:g} mm apart",
+        "own pairs left out": "; ".join(f"{pair}: {why}" for pair, why in world.clearance.own.left_out),
+        "planner": spec.planner.kind,
+    }
     return _facts_lines(facts)
 
 

@@ -49,11 +49,15 @@ def _text(path: Path) -> list[str]:
 
 
 def _run(document: "Document", kind: str) -> list[str]:
-    from fzcli.cli.describe import describe_simulation, describe_sweep
+    from fzcli.cli.describe import describe_plan, describe_simulation, describe_sweep
     from fzcli.loop.simulate import run_of, variants_of
     from fzcli.sweep.resolve import resolve
 
     if kind == "sweep":
         return describe_sweep(resolve(document))
+    if kind == "plan":
+        from fzcli.plan.load import task_of
+
+        return describe_plan(task_of(document))
     spec = run_of(document)
     return describe_simulation(spec, list(variants_of(document, spec)))

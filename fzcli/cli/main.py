@@ -10,6 +10,7 @@ from fzcli.cli.get import get
 from fzcli.cli.guard import end_on_signals
 from fzcli.cli.info import info
 from fzcli.cli.init import init
+from fzcli.cli.plan import plan
 from fzcli.cli.plot import plot
 from fzcli.cli.schema import schema
 from fzcli.cli.simulate import simulate
@@ -25,7 +26,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for command in (simulate, sweep, table, find, get, plot, info, validate, schema, init):
+for command in (simulate, sweep, plan, table, find, get, plot, info, validate, schema, init):
     app.command()(command)
 
 

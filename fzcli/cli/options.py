@@ -57,6 +57,7 @@ class Kind(StrEnum):
     rulebase = "rulebase"
     simulate = "simulate"
     sweep = "sweep"
+    plan = "plan"
 
 
 def table_width() -> int:

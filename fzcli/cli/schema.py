@@ -13,7 +13,7 @@ def schema(
     kind: Annotated[
         Kind | None,
         typer.Argument(
-            metavar="KIND", help="robot, rulebase, simulate or sweep; all of them in one object by default."
+            metavar="KIND", help="robot, rulebase, simulate, sweep or plan; all of them in one object by default."
         ),
     ] = None,
 ) -> None:
@@ -29,7 +29,8 @@ def schema(
 
 def all_schemas() -> dict[str, dict[str, Any]]:
     """Kind -> JSON Schema."""
-    from fzcli.spec.schema import json_schema
+    from fzcli.plan.plan_spec import PlanRun
+    from fzcli.spec.schema import json_schema, schema_of
     from fzcli.sweep.schema import simulate_schema, sweep_schema
 
     return {
@@ -37,4 +38,5 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "rulebase": json_schema("rulebase"),
         "simulate": simulate_schema(),
         "sweep": sweep_schema(),
+        "plan": schema_of(PlanRun, "fzcli plan"),
     }

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fzcli.errors import SpecError, UsageError
 
-KINDS = ("robot", "rulebase", "simulate", "sweep")
+KINDS = ("robot", "rulebase", "simulate", "sweep", "plan")
 _FOLDERS = ("robots", "rulebases", "runs")
 
 

@@ -63,6 +63,10 @@ def check(path: Path) -> str:
         check_rulebase(rulebase_of(document))
     elif kind == "simulate":
         _check_simulation(document)
+    elif kind == "plan":
+        from fzcli.plan.load import task_of
+
+        task_of(document)
     else:
         _check_sweep(document)
     return kind

@@ -49,6 +49,14 @@ def print_function(function: ca.Function, name: str, once: bool = False) -> str:
     return _print_calls(function, name, once)
 
 
+def instructions(function: ca.Function) -> int:
+    """How many operations a Function takes, those of its calls included."""
+    if function.is_a("SXFunction"):
+        return int(function.n_instructions())
+    calls = [k for k in range(function.n_instructions()) if function.instruction_id(k) == ca.OP_CALL]
+    return sum(instructions(function.instruction_MX(k).which_function()) for k in calls)
+
+
 def _print_calls(function: ca.Function, name: str, once: bool) -> str:
     """A graph of calls: inputs, calls of other Functions, outputs."""
     printed: dict[int, str] = {}  # a callee's own hash -> its C name

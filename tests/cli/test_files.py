@@ -10,12 +10,14 @@ from jsonschema import Draft202012Validator
 
 from fzcli import __version__
 from fzcli.cli.schema import all_schemas
+from fzcli.cli.sources import KINDS
 from fzcli.spec.reader import read
 
 SHIPPED = sorted(path for folder in ("robots", "rulebases", "runs") for path in (ROOT / folder).glob("*.yaml"))
 OPTIONS = {
     "simulate": {"--set", "--output", "--format", "--quiet"},
     "sweep": {"--set", "--jobs", "--output", "--format", "--dry-run", "--quiet"},
+    "plan": {"--set", "--output", "--format", "--quiet"},
     "table": {"--format"},
     "find": {"--config", "--that", "--by", "--lowest", "--most", "--format"},
     "get": {"--format", "--output"},
@@ -74,7 +76,7 @@ def test_schemas_refuse(kind: str, change: dict[str, Any]) -> None:
     assert not validator.is_valid({**value, **change})
 
 
-@pytest.mark.parametrize("kind", ["simulate", "sweep"])
+@pytest.mark.parametrize("kind", ["simulate", "sweep", "plan"])
 def test_schemas_name_only_what_they_define(kind: str) -> None:
     schema = all_schemas()[kind]
     Draft202012Validator.check_schema(schema)
@@ -83,7 +85,7 @@ def test_schemas_name_only_what_they_define(kind: str) -> None:
         assert name in schema["$defs"]
 
 
-@pytest.mark.parametrize("kind", ["simulate", "sweep"])
+@pytest.mark.parametrize("kind", ["simulate", "sweep", "plan"])
 def test_schema_files_in_the_tree_are_current(kind: str) -> None:
     def outline(schema: Any) -> Any:
         """Without what another version of pydantic may word differently."""
@@ -98,7 +100,7 @@ def test_schema_files_in_the_tree_are_current(kind: str) -> None:
 
 
 def test_schema_prints_one_kind_or_all(fzcli: Invoke) -> None:
-    assert set(json.loads(fzcli("schema").stdout)) == {"robot", "rulebase", "simulate", "sweep"}
+    assert set(json.loads(fzcli("schema").stdout)) == set(KINDS)
     assert json.loads(fzcli("schema", "sweep").stdout)["title"] == "fzcli sweep"
     assert "gadget" in fzcli("schema", "gadget", code=2).stderr
 
