@@ -80,7 +80,16 @@ def _rows(runs: "Mapping[str, Rollout]") -> Iterator[list[str]]:
             continue
         unit = units.get(name, "1")
         label = name if unit in ("", "1") else f"{name} [{unit}]"
-        yield [label, *(_shown(run.metrics.get(name)) for run in every)]
+        shown = [_shown(run.metrics.get(name)) for run in every]
+        if name == "outcome":
+            shown = [_outcome(run.metrics.get(name)) for run in every]
+        yield [label, *shown]
+
+
+def _outcome(code: float | None) -> str:
+    """How a run with a target ended, in a word or two."""
+    words = ("arrived", "out of reach", "no posture", "at rest", "moving")
+    return "-" if code is None or math.isnan(code) else words[int(code)]
 
 
 def _shown(value: float | None) -> str:

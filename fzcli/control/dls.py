@@ -18,11 +18,14 @@ from fzcli.spec.units import Frequency
 
 
 class DlsSpec(ReachingSpec):
-    """qd = J^T (J J^T + damping^2 E)^-1 gain e, all joints scaled alike to their speeds, then their limits."""
+    """qd = J^T (J J^T + damping^2 E)^-1 gain e, brought within the joints' speeds, then their limits."""
 
     kind: Literal["dls"] = "dls"
     gain: Annotated[Frequency, Field(gt=0, description="of the error, 1/s")] = 20.0
     damping: Annotated[float, Field(gt=0, description="lambda in J J^T + lambda^2 E")] = 0.05
+    saturate: Annotated[
+        Literal["alike", "each"], Field(description="speeds: all joints scaled alike, so that the way is kept, or each")
+    ] = "alike"
 
 
 def build(model: RobotModel, spec: DlsSpec) -> Law:
@@ -34,10 +37,11 @@ def build(model: RobotModel, spec: DlsSpec) -> Law:
     inverse = symmetric_inverse(gram(J) + damping * damping * ca.SX.eye(J.shape[0]))
     way = ca.mtimes(J.T, ca.mtimes(inverse, gain * error)) * inputs.period
     caps = period_caps(model, inputs.period)
-    ratio = ca.SX(1)
-    for j in range(model.n):
-        ratio = ca.fmax(ratio, ca.fabs(way[j]) / caps[j])
-    way = way / ratio
+    if spec.saturate == "alike":
+        ratio = ca.SX(1)
+        for j in range(model.n):
+            ratio = ca.fmax(ratio, ca.fabs(way[j]) / caps[j])
+        way = way / ratio
     low, high = step_bounds(model, inputs.q, caps)
     way = ca.vertcat(*(ca.fmin(high[j], ca.fmax(low[j], way[j])) for j in range(model.n)))
     parameters = {Parameter("controller.gain"): gain, Parameter("controller.damping"): damping}

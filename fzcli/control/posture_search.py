@@ -16,6 +16,7 @@ from fzcli.spec.base import SpecModel
 from fzcli.spec.units import Angle, Length
 
 VIRTUAL_TIP = 0.2  # m: length that a direction is weighed with
+DISTANCE, ANGLE = 5e-3, 0.0296705972839036  # m and rad (1.7 deg), where nothing is said
 SWEEP_CAP = 0.2  # rad a hinge and sweep
 UNSTATED = 20.0  # rad/s: of a joint without a stated speed
 
@@ -27,8 +28,12 @@ class PostureSearchSpec(SpecModel):
     rounds: Annotated[int, Field(ge=1, description="times that the base is predicted and the arm swept")] = 15
     sweeps: Annotated[int, Field(ge=1, description="sweeps in a round")] = 8
     pieces: Annotated[int, Field(ge=1, description="of the path along which the base is predicted")] = 8
-    distance: Annotated[Length, Field(gt=0, description="a posture will do within this distance of the target")] = 0.005
-    angle: Annotated[Angle, Field(gt=0, description="and within this angle")] = 0.0296705972839036  # 1.7 deg
+    distance: Annotated[
+        Length | None, Field(gt=0, description="a posture will do within it; half of stop.position by default")
+    ] = None
+    angle: Annotated[
+        Angle | None, Field(gt=0, description="and within this angle; 0.85 of stop.direction by default")
+    ] = None
     seed: Annotated[int, Field(ge=0, description="of the random postures")] = 0
 
 
@@ -160,9 +165,10 @@ def _judge(spec: PostureSearchSpec, model: RobotModel, directed: bool, tip: str 
     position, rotation, _ = model.function("tip", tip)(posture)
     target, direction = _there(model, parts, posture, quat)
     away = target - position
-    good = dot(away, away) < spec.distance**2
+    good = dot(away, away) < (DISTANCE if spec.distance is None else spec.distance) ** 2
     if directed:
-        good = ca.logic_and(good, angle_between(rotation[:, 2], direction) < spec.angle)
+        within = ANGLE if spec.angle is None else spec.angle
+        good = ca.logic_and(good, angle_between(rotation[:, 2], direction) < within)
     cost = ca.if_else(good, slowest(model, posture - parts.q), NOT_FOUND)
     return ca.Function("search_judge", [posture, quat, parts.vector], ca.cse([cost]))
 

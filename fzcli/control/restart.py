@@ -111,9 +111,11 @@ def with_restart(
         Signal("driving", "1", "1 while the arm drives to a posture that a search found"): new.driving,
         Signal("searches", "1", "searches so far"): old.searches,
         Signal("searches_empty", "1", "of them without a result"): old.empty,
+        Signal("restarts", "1", "drives to another posture so far"): old.searches - old.empty,
     }
     metrics = (
-        Metric("restarts", "searches", "last", "1", "searches for another posture"),
+        Metric("restarts", "restarts", "last", "1", "drives to another posture"),
+        Metric("searches", "searches", "last", "1", "searches for another posture"),
         Metric("searches_empty", "searches_empty", "last", "1", "of them without a result"),
     )
     search = posture_search(spec, model, inputs, aim, directed, tip, symbol, old.searches, _accept(n))

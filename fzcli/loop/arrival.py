@@ -26,10 +26,19 @@ class Arrival:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """How the sample was come to: joint rates (n) over the step before, and the base's attitude (4) at the start."""
+
+    qd: ca.SX
+    first_quat: ca.SX
+
+
+@dataclass(frozen=True)
 class Target:
-    """The reference at a sample: position (3) relative to the CoM, quat (4), CoM (3); world axes."""
+    """The reference at a sample: position, velocity (3) relative to the CoM's, quat (4), CoM (3); world axes."""
 
     position: ca.SX
+    velocity: ca.SX
     quat: ca.SX
     com: ca.SX
 
@@ -43,12 +52,9 @@ def arrival(
     state: tuple[ca.SX, ca.SX],
     truth: ca.SX | None,
     time: ca.SX,
-    speed: ca.SX,
+    motion: Motion,
 ) -> Arrival:
-    """Of a run at ``state``: q (n) and base_quat (4); ``truth``: the real base_quat of a plant that leaves it out.
-
-    ``speed``: the joint rates' largest magnitude.
-    """
+    """Of a run at ``state``: q (n) and base_quat (4); ``truth``: the real base_quat of a plant that leaves it out."""
     q, quat = state
     distance, angle = _left(model, tip, aim, target, q, quat)
     signals = {
@@ -71,9 +77,20 @@ def arrival(
         if aim in ("direction", "pose"):
             signals[Signal("miss_angle", "rad", "from the wanted direction, on the base that turns")] = off
             metrics.append(Metric("miss_angle_final", "miss_angle", "last", "rad", "by which it really misses"))
+    reduced.update(_speeds(model, tip, target, q, quat, motion))
+    metrics.append(
+        Metric("tip_speed_final", "tip_speed", "last", "m/s", "of the tip relative to the target, over the last step")
+    )
+    metrics.append(
+        Metric("joint_speed_final", "joint_speed", "last", "rad/s or m/s", "largest joint speed, over the last step")
+    )
+    if model.floating:
+        metrics.append(Metric("base_turn_final", "base_turn", "last", "rad", "turn of the base since the start"))
     arrived = ca.SX(0)
     if stop is not None:
         there = distance < stop.position
+        if stop.speed is not None:
+            there = ca.logic_and(there, reduced["tip_speed"] < stop.speed)
         if aim == "direction" and stop.direction is not None:
             there = ca.logic_and(there, angle < stop.direction)
         elif aim == "pose" and stop.orientation is not None:
@@ -81,14 +98,37 @@ def arrival(
         arrived = ca.if_else(there, 1.0, 0.0)
         reduced["arrived"] = arrived
         reduced["arrival_time"] = ca.if_else(there, time, FAR)
-        reduced["joint_speed"] = speed
         metrics += [
             Metric("arrived", "arrived", "last", "1", "whether the target was reached", truth=True),
             Metric("arrival_time", "arrival_time", "last", "s", "when the target was reached"),
-            Metric("joint_speed_final", "joint_speed", "last", "rad/s or m/s", "largest joint speed at the end"),
         ]
+        if truth is not None:
+            wide = miss >= stop.position
+            if aim == "direction" and stop.direction is not None:
+                wide = ca.logic_or(wide, off >= stop.direction)
+            reduced["missed"] = ca.if_else(wide, 1.0, 0.0)
+            text = "whether the tip misses the target on the base that turns"
+            metrics.append(Metric("missed", "missed", "last", "1", text, truth=True))
     reduced.update({signal.name: value for signal, value in signals.items() if not signal.components})
     return Arrival(arrived, signals, reduced, tuple(metrics))
+
+
+def _speeds(
+    model: RobotModel, tip: str | None, target: Target, q: ca.SX, quat: ca.SX, motion: Motion
+) -> dict[str, ca.SX]:
+    """Of the tip relative to the target, of the fastest joint, and how far the base has turned."""
+    R = rotation_matrix(quat)
+    own = ca.mtimes(model.function("tip", tip)(q)[2][:3, :], motion.qd)
+    apart = own - rotate(R.T, target.velocity)
+    fastest = ca.fabs(motion.qd[0])
+    for i in range(1, model.n):
+        fastest = ca.fmax(fastest, ca.fabs(motion.qd[i]))
+    turn = rotation_vector(multiply(conjugate(motion.first_quat), quat))
+    return {
+        "tip_speed": ca.sqrt(dot(apart, apart)),
+        "joint_speed": fastest,
+        "base_turn": ca.sqrt(dot(turn, turn)),
+    }
 
 
 def _left(

@@ -24,10 +24,10 @@ def closed_loop(spec: SimulateRun, record: bool, model: RobotModel | None = None
     ``model`` saves building the robot's model again.
     """
     model = model or build_model(spec.robot)
-    tip = getattr(spec.controller, "tip", None)
+    tip, controller = getattr(spec.controller, "tip", None), _settled(spec)
     parts = Parts(
         model=model,
-        law=controllers()[spec.controller.kind].build(model, spec.controller),
+        law=controllers()[spec.controller.kind].build(model, controller),
         plant=kinematic_plant(model, spec.plant == "translation_only", spec.method == "gauss_magnus"),
         reference=TIP_REFERENCES[spec.reference.kind].build(spec.reference, model, tip),
         base_reference=BASE_REFERENCES[spec.base_reference.kind].build(spec.base_reference),
@@ -38,6 +38,16 @@ def closed_loop(spec: SimulateRun, record: bool, model: RobotModel | None = None
         stop=spec.stop,
     )
     return build_closed_loop(parts, record)
+
+
+def _settled(spec: SimulateRun) -> Any:
+    """The controller with its search as strict as the run's stop condition asks, where it does not say."""
+    restart = getattr(spec.controller, "restart", None)
+    if restart is None or spec.stop is None:
+        return spec.controller
+    stated = {"distance": spec.stop.position * 0.5, "angle": spec.stop.direction and spec.stop.direction * 0.85}
+    missing = {name: value for name, value in stated.items() if getattr(restart, name) is None}
+    return spec.controller.model_copy(update={"restart": restart.model_copy(update=missing)})
 
 
 def parameter_row(spec: SimulateRun, parameters: tuple[Parameter, ...]) -> Array:

@@ -7,7 +7,7 @@ import casadi as ca
 
 from fzcli.control.law import Law, LawInputs
 from fzcli.errors import UsageError
-from fzcli.loop.arrival import Arrival, Target, arrival
+from fzcli.loop.arrival import Arrival, Motion, Target, arrival
 from fzcli.loop.certificate import Certifier
 from fzcli.loop.parts import Parts
 from fzcli.loop.reductions import Accumulators
@@ -108,7 +108,7 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
     derivative = parts.plant.rate(plant_state, sample.command, L)
     moving = _held_over_the_step(parts, plant_state, derivative, sample.command, at, L)
     certifier = Certifier.of(parts, plant_state, derivative, moving, previous, L, sample.signals)
-    goal = _arrival(parts, symbols, plant_state, derivative, sample, count)
+    goal = _arrival(parts, symbols, plant_state, previous, sample, count)
     metrics = (*(goal.metrics if goal else ()), *law.metrics)
     totals = Accumulators.of(metrics, {**sample.signals, **(goal.reduced if goal else {})}, count)
     state = ca.vertcat(plant_state, memory, previous, certifier.memory, totals.symbols, count)
@@ -173,7 +173,7 @@ def _arrival(
     parts: Parts,
     symbols: dict[str, ca.SX],
     plant_state: ca.SX,
-    derivative: ca.SX,
+    previous: ca.SX,
     sample: _Sample,
     count: ca.SX,
 ) -> Arrival | None:
@@ -181,15 +181,14 @@ def _arrival(
     if not parts.reference.aim:
         return None
     named = dict(zip(LawInputs.__dataclass_fields__, sample.arguments, strict=True))
-    target = Target(named["tip_position"], named["tip_quat"], _com(parts, symbols, count)[0])
+    target = Target(
+        named["tip_position"], named["tip_velocity"], named["tip_quat"], _com(parts, symbols, count)[0]
+    )
     q, quat = parts.plant.observe(plant_state)
     truth = parts.plant.truth(plant_state) if parts.plant.truth else None
-    qd = parts.plant.motion(plant_state, derivative)[0]
-    speed = ca.fabs(qd[0])
-    for i in range(1, parts.model.n):
-        speed = ca.fmax(speed, ca.fabs(qd[i]))
+    motion = Motion(parts.plant.motion(plant_state, previous)[0], symbols["first_quat"])
     time = count * parts.dt
-    return arrival(parts.model, parts.tip, parts.reference.aim, parts.stop, target, (q, quat), truth, time, speed)
+    return arrival(parts.model, parts.tip, parts.reference.aim, parts.stop, target, (q, quat), truth, time, motion)
 
 
 def _com(parts: Parts, symbols: dict[str, ca.SX], count: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -236,6 +235,7 @@ def _initial_expressions(parts: Parts, layout: _Layout) -> tuple[ca.SX, ca.SX, d
             layout.of_part(parts.base_reference.parameters), starting_angles(R)
         ),
         "law": law_values,
+        "first_quat": quat if parts.reference.aim else ca.SX(0, 1),
         "com": com,
         "com_velocity": values["start.momentum.linear"] / model.mass if parts.drifting else zero,
         "angular_momentum": values["start.momentum.angular"] if parts.drifting else zero,

@@ -13,7 +13,7 @@ from fzcli.plan.base_reference import BaseHoldSpec
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
 from fzcli.spec.base import SpecModel
 from fzcli.spec.references import RobotReference
-from fzcli.spec.units import Angle, AngularMomentum, Duration, JointValue, Length, Momentum
+from fzcli.spec.units import Angle, AngularMomentum, Duration, JointValue, Length, Momentum, Speed
 
 Vector3 = tuple[float, float, float]
 
@@ -92,6 +92,9 @@ class StopSpec(SpecModel):
     orientation: Annotated[
         Angle | None, Field(gt=0, description="and the tip within this angle of its orientation")
     ] = None
+    speed: Annotated[
+        Speed | None, Field(gt=0, description="and the tip slower than this relative to the target")
+    ] = None
     after: Annotated[Duration, Field(gt=0, description="the longest that the run may take")]
 
 
@@ -161,6 +164,19 @@ def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
         yield ("controller", "tip"), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"
 
 
+def _loose_search(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
+    """A search must not be content with postures from which the run has not arrived."""
+    restart = getattr(spec.controller, "restart", None)
+    if restart is None or spec.stop is None:
+        return
+    limits = {"distance": ("position", spec.stop.position), "angle": ("direction", spec.stop.direction)}
+    for field, (bound, limit) in limits.items():
+        given = getattr(restart, field)
+        if given is not None and limit is not None and given > limit:
+            text = f"is looser than stop.{bound}: a posture would be driven to that has not arrived"
+            yield ("controller", "restart", field), text
+
+
 _FIXED = {"direction": "direction", "pose": "position and orientation"}
 
 
@@ -184,6 +200,7 @@ def _unaimed(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
         free = {"direction": ("position",), "pose": ("position", "approach", "orientation")}.get(aim, ())
         if task in free and getattr(spec.stop, "direction" if aim == "direction" else "orientation") is not None:
             yield ("controller", "task"), f"{task!r} leaves free what stop waits for: the tip's {_FIXED[aim]}"
+    yield from _loose_search(spec)
     if aim == "position" and task in ("approach", "pose", "orientation"):
         hint = "; give reference.direction, or controller.task: position" if task == "approach" else ""
         yield ("controller", "task"), f"{task!r} needs more than the reference's position{hint}"

@@ -41,18 +41,25 @@ STATE_SIGNALS = ("q", "qd", "base_position", "base_quat", "base_twist", "tip_pos
 
 def load_run(run: str | Path, sets: Sequence[str] = ()) -> tuple[SimulateRun, dict[str, SimulateRun]]:
     """A run and its variants, by path or name. Raises SpecError with every problem found."""
-    document = read(run if isinstance(run, Path) or run == "-" else find("runs", run))
-    return runs_of(document, sets)
+    return runs_of(read_run(run), sets)
+
+
+def read_run(run: str | Path) -> Document:
+    """A run file, by path or name. Raises SpecError where there is none."""
+    return read(run if isinstance(run, Path) or run == "-" else find("runs", run))
 
 
 def runs_of(document: Document, sets: Sequence[str] = ()) -> tuple[SimulateRun, dict[str, SimulateRun]]:
     """The run that a document says, and its variants. Raises SpecError with every problem found."""
-    spec = run_of(document, sets)
+    if sets:
+        document = apply_sets(document, sets)
+        if any(one.partition("=")[0].strip() == "controller.kind" for one in sets):
+            document = fitted(document)  # the file's fields of the kind before go with it
+    spec = run_of(document)
     missing = out_of_reach(spec)
     if missing:
-        document = apply_sets(document, sets) if sets else document
         raise SpecError(document.problem(missing, ("reference", "position")))
-    return spec, variants_of(document, spec, sets)
+    return spec, variants_of(document, spec)
 
 
 def run_of(document: Document, sets: Sequence[str] = ()) -> SimulateRun:

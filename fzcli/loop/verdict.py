@@ -13,6 +13,7 @@ from fzcli.spec.result import Status
 
 Array = NDArray[np.float64]
 # metric of the certificate -> its bound's field; a run is flagged beyond the bound (below it, for the last)
+JUDGED = ("arrived", "missed")
 BOUNDED = {
     "tip_error_max": "tip_error",
     "linear_momentum_max": "linear_momentum",
@@ -48,10 +49,10 @@ class Outcome:
 
 OUTCOMES = (
     Outcome("arrived"),
-    Outcome("the target is out of the arm's reach", "move the target, or the base, nearer"),
+    Outcome("the target is out of the arm's reach", "bring target and base nearer to each other"),
     Outcome("no search found a posture that meets the target", "raise controller.restart.seeds, or loosen stop"),
-    Outcome("the arm came to rest short of it", "give controller.restart: true, or another start"),
-    Outcome("the arm still moved at the end", "give it more time (stop.after), or controller.restart: true"),
+    Outcome("the arm came to rest short of it", "try another start"),
+    Outcome("the arm still moved at the end", "give it more time (stop.after)"),
 )
 OUTCOME = Signal("outcome", "1", "; ".join(f"{code}: {how.text}" for code, how in enumerate(OUTCOMES)))
 AT_REST = 1e-3  # rad/s or m/s
@@ -61,9 +62,9 @@ def outcomes(metrics: Mapping[str, Array]) -> Array:
     """Of every run with a target, a place in ``OUTCOMES``; NaN of one without."""
     arrived = metrics["arrived"]
     none = np.zeros(arrived.shape)
-    restarts, empty = metrics.get("restarts", none), metrics.get("searches_empty", none)
+    searches, empty = metrics.get("searches", none), metrics.get("searches_empty", none)
     codes = np.where(metrics["joint_speed_final"] < AT_REST, 3.0, 4.0)
-    codes[(restarts > 0) & (empty >= restarts)] = 2
+    codes[(searches > 0) & (empty >= searches)] = 2
     codes[metrics.get("out_of_reach_final", none) > 0] = 1
     codes[arrived > 0] = 0
     codes[np.isnan(arrived)] = np.nan
@@ -72,12 +73,16 @@ def outcomes(metrics: Mapping[str, Array]) -> Array:
 
 def _left(metrics: Mapping[str, float]) -> str:
     """What is missing to the target."""
-    parts = [f"{1e3 * metrics['target_distance_final']:.3g} mm"]
+    parts = [_length(metrics["target_distance_final"])]
     if "target_angle_final" in metrics:
         parts.append(f"{np.rad2deg(metrics['target_angle_final']):.3g} deg")
     if metrics.get("out_of_reach_final", 0.0) > 0:
-        parts.append(f"at least {1e3 * metrics['out_of_reach_final']:.3g} mm of them out of reach")
-    return " and ".join(parts[:2]) + " short" + "".join(f", {part}" for part in parts[2:])
+        return f"{' and '.join(parts)} short, at least {_length(metrics['out_of_reach_final'])} out of reach"
+    return " and ".join(parts) + " short"
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.3g} m" if metres >= 1.0 else f"{1e3 * metres:.3g} mm"
 
 
 def status_codes(metrics: Mapping[str, Array], stops: NDArray[np.int64], bounds: BoundsSpec) -> NDArray[np.int8]:
@@ -90,6 +95,8 @@ def status_codes(metrics: Mapping[str, Array], stops: NDArray[np.int64], bounds:
                 codes[broken] = 1
     if "arrived" in metrics:
         codes[metrics["arrived"] == 0] = 1
+    if "missed" in metrics:
+        codes[metrics["missed"] > 0] = 1
     codes[np.isin(stops, FAILURES)] = 2
     return codes
 
@@ -101,7 +108,14 @@ def status_of(metrics: Mapping[str, float], stop: int, bounds: BoundsSpec, end: 
         return Status("failed", f"{why.name} at {end:g} s: {why.reason}", why.advice)
     if metrics.get("arrived", 1.0) == 0.0:
         outcome = OUTCOMES[int(metrics["outcome"])]
-        return Status("flagged", f"target not reached in {end:g} s, {_left(metrics)}: {outcome.text}", outcome.advice)
+        advice = outcome.advice if "searches" in metrics else outcome.advice or "give controller.restart: true"
+        if "searches" not in metrics and metrics["outcome"] > 2:
+            advice = "give controller.restart: true"
+        return Status("flagged", f"target not reached in {end:g} s, {_left(metrics)}: {outcome.text}", advice)
+    if metrics.get("missed", 0.0) > 0.0:
+        turn = f" and {np.rad2deg(metrics['miss_angle_final']):.3g} deg" if "miss_angle_final" in metrics else ""
+        text = f"the base would turn in truth: the tip misses by {_length(metrics['miss_distance_final'])}{turn}"
+        return Status("flagged", text, "use plant: kinematic, whose base follows the angular momentum as well")
     for name, field in BOUNDED.items():
         if name in metrics:
             broken = exceeded(name, np.array([metrics[name]]), bounds)

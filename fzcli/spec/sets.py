@@ -13,7 +13,7 @@ def apply_sets(document: Document, sets: Sequence[str]) -> Document:
     """The document with every ``KEY=VALUE`` applied in order; the document itself is not changed.
 
     KEY is a dotted path; a list's item is named by its number (from 0) or its ``name``. VALUE is YAML.
-    A key that does not exist yet is made: whether it may be there is for the model to say.
+    A key that does not exist yet is made: whether it may be there is for the model to say. null takes a key out.
 
     Raises:
         SpecError: no ``=``, a value that is not YAML, a path through a single value, or an item that
@@ -39,12 +39,27 @@ def _applied(root: Node, text: str) -> Node:
         raise SpecError(Problem("write KEY=VALUE, such as controller.gain=100", file=name))
     if not value.strip():
         raise SpecError(Problem("has no value; write null for none, '' for empty text", key, name))
+    if value.strip() in ("null", "~"):
+        return _without(root, key.split("."))
     source = Source(name)
     try:
         node = _placeless(compose(Source(name, value)), source)
     except SpecError as error:
         raise SpecError([Problem(problem.message, key, name) for problem in error.problems]) from None
     return put(root, key.split("."), node, source, key)
+
+
+def _without(node: Node, steps: list[str]) -> Node:
+    """The node without the key at the steps, where it has one: null stands for none."""
+    if not isinstance(node.content, dict):
+        return node
+    count = _key_length(node.content, steps)
+    name = ".".join(steps[:count])
+    if name not in node.content:
+        return node
+    if count == len(steps):
+        return replace(node, content={key: child for key, child in node.content.items() if key != name})
+    return replace(node, content={**node.content, name: _without(node.content[name], steps[count:])})
 
 
 def _placeless(node: Node, source: Source) -> Node:

@@ -14,7 +14,7 @@ from fzcli.loop.reductions import seen
 from fzcli.loop.rollout import Rollout
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.simulate import provenance, rollouts
-from fzcli.loop.verdict import BOUNDED, OUTCOME, outcomes, status_codes
+from fzcli.loop.verdict import BOUNDED, JUDGED, OUTCOME, outcomes, status_codes
 from fzcli.record.sweep_file import write_sweep
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table import check_names
@@ -157,7 +157,7 @@ def _roll_out(sweep: Sweep, every: list[Rows], jobs: int, tell: Tell) -> dict[st
     status = np.zeros(total, dtype=np.int8)
     for c, spec in enumerate(sweep.specs):
         part = slice(c * count, (c + 1) * count)
-        own = {name: columns[name][part] for name in BOUNDED if name in known[c]}
+        own = {name: columns[name][part] for name in (*BOUNDED, *JUDGED) if name in known[c]}
         status[part] = status_codes(own, stops[part], spec.bounds)
     columns["status"] = status
     if "arrived" in columns:

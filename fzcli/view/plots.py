@@ -83,7 +83,8 @@ def _run_figure(rollout: Rollout, what: str, title: str) -> Any:
 
 def _own_label(rollout: Rollout, fallback: str) -> str:
     """What the run is called beside its variants: its kind of controller, where that tells it from them."""
-    kind = str(spec_section(rollout, "controller").get("kind", ""))
+    controller = spec_section(rollout, "controller")
+    kind = " ".join(str(controller[key]) for key in ("kind", "variant") if controller.get(key))
     return kind if kind and kind not in rollout.variants else fallback
 
 

@@ -44,8 +44,10 @@ def reach_figure(runs: Sequence[tuple[str, Rollout]], title: str = "") -> "Figur
     """
     curves = _curves(runs)
     angled = any(np.isfinite(curve.angle).any() for curve in curves)
-    figure = new_figure(7.2, 7.0 if angled else 5.0)
-    all_axes = figure.subplots(3 if angled else 2, 1, sharex=True)
+    turned = any(float(np.nanmax(curve.turn, initial=0.0)) > 0 for curve in curves)
+    rows = 1 + angled + turned
+    figure = new_figure(7.2, 1.0 + 2.0 * rows)
+    all_axes = np.atleast_1d(figure.subplots(rows, 1, sharex=True))
     far = max((float(np.max(values)) for c in curves if len(values := c.distance[np.isfinite(c.distance)])), default=0)
     unit, scale = ("mm", 1e3) if far < 10.0 else ("m", 1.0)
     allowed = tolerance(runs[0][1], "position")
@@ -56,9 +58,11 @@ def reach_figure(runs: Sequence[tuple[str, Rollout]], title: str = "") -> "Figur
         angles = [np.rad2deg(c.angle) for c in curves]
         _errors(all_axes[1], curves, angles, allowed and float(np.rad2deg(allowed)), "deg")
         dress(all_axes[1], "", "angle to target [deg]")
-    _lines(all_axes[-1], curves, [np.rad2deg(c.turn) for c in curves])
-    all_axes[-1].set_ylim(bottom=-0.04 * all_axes[-1].get_ylim()[1])
-    dress(all_axes[-1], "time [s]", "base turned by [deg]")
+    if turned:
+        _lines(all_axes[-1], curves, [np.rad2deg(c.turn) for c in curves])
+        all_axes[-1].set_ylim(bottom=-0.04 * all_axes[-1].get_ylim()[1])
+        dress(all_axes[-1], "", "base turned by [deg]")
+    all_axes[-1].set_xlabel("time [s]")
     for axes in all_axes:
         axes.margins(x=0.01)
     for axes in all_axes[:-1]:

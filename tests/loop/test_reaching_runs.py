@@ -107,7 +107,9 @@ def test_the_literal_law_circles_with_period_nine() -> None:
 def test_a_plan_by_translation_only_really_misses(name: str, home: Array, miss: float) -> None:
     """The plan arrives by its own lights; the same joint motion on the oracle's plant misses by what is recorded."""
     plan = _runs(name)["translation only"]
-    assert plan.status.name == "ok"
+    assert plan.status.name == "flagged"
+    assert f"the tip misses by {1e3 * miss:.3g} mm" in plan.status.reason
+    assert plan.metrics["arrived"] == plan.metrics["missed"] == 1
     assert _turned(plan) == 0.0
     assert plan.metrics["miss_distance_final"] > 0.1
     assert plan.metrics["miss_distance_final"] == pytest.approx(miss, abs=1e-4)
@@ -305,4 +307,4 @@ def test_a_target_out_of_reach_is_told_with_the_distance_missing() -> None:
     assert rollout.metrics["out_of_reach_final"] == pytest.approx(missing, abs=1e-12)
     assert rollout.metrics["target_distance_final"] >= missing
     assert rollout.status.name == "flagged"
-    assert f"at least {1e3 * missing:.3g} mm of them out of reach: the target is out of" in rollout.status.reason
+    assert f"at least {missing:.3g} m out of reach: the target is out of" in rollout.status.reason

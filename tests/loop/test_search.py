@@ -43,11 +43,11 @@ def _stalled(kind: str) -> Rollout:
 def test_a_restart_frees_a_stalled_run(kind: str) -> None:
     without = simulate(stalling(kind, controller={"kind": kind}))
     assert without.status.name == "flagged"
-    assert "restarts" not in without.metrics
+    assert "searches" not in without.metrics
     freed = _stalled(kind)
     assert freed.status.name == "ok"
-    assert freed.metrics["restarts"] >= 1
-    assert freed.metrics["searches_empty"] < freed.metrics["restarts"]
+    assert freed.metrics["searches"] >= 1
+    assert freed.metrics["searches_empty"] < freed.metrics["searches"]
     before = int(np.flatnonzero(freed.signals["driving"])[0])
     np.testing.assert_allclose(freed.q[: before + 1], without.q[: before + 1], atol=1e-9)  # the law alone until then
 
@@ -61,7 +61,7 @@ def test_a_paused_run_resumes_at_its_sample() -> None:
     searches = run.signals["searches"]
     assert set(np.diff(searches)) <= {0.0, 1.0}
     assert searches[0] == 0
-    assert searches[-1] == run.metrics["restarts"]
+    assert searches[-1] == run.metrics["searches"]
     for values in (run.q, run.base_quat, run.tip_position, *run.signals.values()):
         assert np.isfinite(values).all()
 
@@ -173,7 +173,7 @@ def _same(a: Batch, b: Batch, of: slice | None = None) -> None:
 def test_some_of_the_runs_search_and_some_find_nothing() -> None:
     _, _, loop, batch = _reference()
     names = [metric.name for metric in loop.metrics]
-    restarts, empty = (batch.metrics[:, names.index(name)] for name in ("restarts", "searches_empty"))
+    restarts, empty = (batch.metrics[:, names.index(name)] for name in ("searches", "searches_empty"))
     assert (restarts > 0).sum() > 10
     assert (empty > 0).sum() > 0
     assert (empty <= restarts).all()
@@ -204,7 +204,7 @@ def test_jobs_records_and_company_do_not_matter() -> None:
     for i, end in enumerate(batch.ends):
         assert np.isfinite(batch.record[i, : end + 1]).all()
         assert np.isnan(batch.record[i, end + 1 :]).all()
-    searching = int(np.argmax(expected.metrics[:, [m.name for m in loop.metrics].index("restarts")]))
+    searching = int(np.argmax(expected.metrics[:, [m.name for m in loop.metrics].index("searches")]))
     for i in (0, searching):
         _same(engine.run(rows[i : i + 1], steps[i : i + 1]), expected, slice(i, i + 1))
 
@@ -243,7 +243,7 @@ def test_the_machine_agrees_until_a_search_parts_them() -> None:
         until = differ[0] if differ.size else min(compiled.ends[i], machine.ends[i]) + 1
         parted += differ.size > 0
         np.testing.assert_allclose(a[:until], b[:until], rtol=0, atol=1e-9)
-    searched = compiled.metrics[:, [m.name for m in loop.metrics].index("restarts")] > 0
+    searched = compiled.metrics[:, [m.name for m in loop.metrics].index("searches")] > 0
     assert searched.sum() >= 3
     assert parted <= 1
 
@@ -256,7 +256,7 @@ def test_a_search_at_the_start_comes_at_sample_0_exactly_once() -> None:
     assert run.status.name == "ok"
     assert run.signals["searches"][0] == 1
     assert run.signals["driving"][0] == 1
-    assert run.metrics["restarts"] == 1
+    assert run.metrics["searches"] == 1
     np.testing.assert_array_equal(run.q[0], HOME_B)
 
 
@@ -267,7 +267,7 @@ def test_a_search_without_result_leaves_the_law_running() -> None:
     alone = simulate(stalling(controller={"kind": "fabrik"}, stop=stop))
     run = simulate(stalling(controller={"kind": "fabrik", "restart": hopeless}, stop=stop))
     np.testing.assert_allclose(run.q, alone.q, atol=1e-9)
-    assert run.metrics["restarts"] == run.metrics["searches_empty"] >= 3
+    assert run.metrics["searches"] == run.metrics["searches_empty"] >= 3
     assert not run.signals["driving"].any()
     assert "no search found a posture" in run.status.reason
     np.testing.assert_array_equal(np.diff(run.signals["searches"].ravel())[:14], 0)

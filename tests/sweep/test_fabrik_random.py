@@ -62,6 +62,7 @@ def test_no_run_breaks_a_limit_or_loses_momentum(record: SweepRecord) -> None:
 def test_every_run_that_did_not_arrive_has_a_reason(record: SweepRecord) -> None:
     arrived, outcome = record.metrics["arrived"], record.metrics["outcome"]
     assert ((outcome == 0) == (arrived == 1)).all()
+    assert ((record.metrics["status"] == 1) == (arrived == 0)).all()
     assert set(np.unique(outcome)) <= set(range(len(OUTCOMES)))
     assert not (outcome == 1).any(), "every target can be reached"
     assert (np.isfinite(record.metrics["arrival_time"]) == (arrived == 1)).all()
