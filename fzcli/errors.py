@@ -60,3 +60,7 @@ class EngineError(FzcliError):
 
 class RecordError(FzcliError):
     """A result file that cannot be read as one, or a name that is not in it."""
+
+
+class IntegrationError(FzcliError):
+    """A step that an error-controlled integrator cannot take within its tolerance and its number of inner steps."""

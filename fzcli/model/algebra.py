@@ -86,6 +86,33 @@ def _inverse_by_ldl(A: ca.SX) -> ca.SX:
     return result
 
 
+def symmetric_solve(A: ca.SX, b: ca.SX) -> ca.SX:
+    """x (m) of A x = b for a symmetric positive definite A (m, m) of any size, by L D L^T unrolled."""
+    m = A.shape[0]
+    lower: list[list[ca.SX]] = [[] for _ in range(m)]
+    pivot: list[ca.SX] = []
+    x: list[ca.SX] = []
+    for i in range(m):
+        weighted: list[ca.SX] = []  # L_ij d_j
+        for j in range(i):
+            entry = A[i, j]
+            for k in range(j):
+                entry = entry - weighted[k] * lower[j][k]
+            weighted.append(entry)
+            lower[i].append(entry * pivot[j])
+        diagonal, right = A[i, i], b[i]
+        for j in range(i):
+            diagonal = diagonal - lower[i][j] * weighted[j]
+            right = right - lower[i][j] * x[j]
+        pivot.append(1 / diagonal)
+        x.append(right)
+    x = [value * scale for value, scale in zip(x, pivot, strict=True)]
+    for i in reversed(range(m)):
+        for k in range(i + 1, m):
+            x[i] = x[i] - lower[k][i] * x[k]
+    return ca.vertcat(*x)
+
+
 def damped_pseudo_inverse(J: ca.SX, damping: float) -> ca.SX:
     """J^T (J J^T + damping E)^-1, (n, m), for J (m, n), m = 1..6; ``damping`` is lambda squared."""
     return ca.mtimes(J.T, symmetric_inverse(gram(J) + damping * ca.SX.eye(J.shape[0])))

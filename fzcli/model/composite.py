@@ -17,7 +17,7 @@ from fzcli.model.tree import Body, Tree
 class Composite:
     """A subtree in some frame: mass [kg], first moment (3) and inertia (3, 3) about the frame's origin."""
 
-    mass: float
+    mass: float | ca.SX
     first_moment: ca.SX
     tensor: ca.SX
 
@@ -88,7 +88,7 @@ def turn_tensor(body: Body, R: ca.SX, tensor: ca.SX) -> ca.SX:
     return turned
 
 
-def shifted(tensor: ca.SX, first_moment: ca.SX, mass: float, p: ca.SX) -> ca.SX:
+def shifted(tensor: ca.SX, first_moment: ca.SX, mass: float | ca.SX, p: ca.SX) -> ca.SX:
     """The inertia (3, 3) about a point at -p from the old origin; first moment about the old origin."""
     h = first_moment
     half = h + 0.5 * mass * p
@@ -101,7 +101,7 @@ def shifted(tensor: ca.SX, first_moment: ca.SX, mass: float, p: ca.SX) -> ca.SX:
     return result
 
 
-def inertia_about_com(tensor: ca.SX, com: ca.SX, mass: float) -> ca.SX:
+def inertia_about_com(tensor: ca.SX, com: ca.SX, mass: float | ca.SX) -> ca.SX:
     """From the origin to the CoM, (3, 3)."""
     h = mass * com
     result = ca.SX(3, 3)
@@ -113,14 +113,26 @@ def inertia_about_com(tensor: ca.SX, com: ca.SX, mass: float) -> ca.SX:
     return result
 
 
-def build_base_frame(tree: Tree, q: ca.SX) -> BaseFrame:
-    """All base-frame quantities at symbolic joint values q (n)."""
+def own_bodies(tree: Tree) -> list[Composite]:
+    """Each body on its own, in its frame, the base last."""
+    return [
+        Composite(part.mass, ca.SX(ca.DM(part.first_moment)), ca.SX(ca.DM(part.tensor)))
+        for part in (*(body.inertia for body in tree.bodies), tree.base)
+    ]
+
+
+def build_base_frame(tree: Tree, q: ca.SX, parts: list[Composite] | None = None) -> BaseFrame:
+    """All base-frame quantities at symbolic joint values q (n).
+
+    ``parts``: bodies in place of the tree's own, the base last (one of them may carry a payload).
+    """
     bodies = tree.bodies
     turns = [joint_rotation(body, q[i]) for i, body in enumerate(bodies)]
-    offsets = [_offset(body, q[i]) for i, body in enumerate(bodies)]
-    composites = _gather(tree, turns, offsets)
+    offsets = [joint_offset(body, q[i]) for i, body in enumerate(bodies)]
+    composites = _gather(tree, turns, offsets, own_bodies(tree) if parts is None else list(parts))
     whole = composites[-1]
-    com = whole.first_moment * (1 / tree.mass)
+    mass = tree.mass if parts is None else whole.mass
+    com = whole.first_moment * (1 / mass)
     rotations: list[ca.SX] = []
     origins: list[ca.SX] = []
     columns: list[JointColumn] = []
@@ -134,24 +146,23 @@ def build_base_frame(tree: Tree, q: ca.SX) -> BaseFrame:
         columns.append(_column(body, composites[i], rotation, origin))
     return BaseFrame(
         com,
-        inertia_about_com(whole.tensor, com, tree.mass),
+        inertia_about_com(whole.tensor, com, mass),
         tuple(columns),
         tuple(rotations),
         tuple(origins),
     )
 
 
-def _offset(body: Body, q: ca.SX) -> ca.SX:
+def joint_offset(body: Body, q: ca.SX) -> ca.SX:
+    """The joint frame's origin (3) at q, in its carrier's frame."""
     place = ca.SX(ca.DM(body.place.translation))
     return place + ca.DM(body.place.rotation @ body.axis) * q if body.prismatic else place
 
 
-def _gather(tree: Tree, turns: list[ca.SX], offsets: list[ca.SX]) -> list[Composite]:
+def _gather(
+    tree: Tree, turns: list[ca.SX], offsets: list[ca.SX], gathered: list[Composite]
+) -> list[Composite]:
     """Subtrees in their own joint's frame, from the leaves inwards; the whole system last."""
-    gathered = [
-        Composite(part.mass, ca.SX(ca.DM(part.first_moment)), ca.SX(ca.DM(part.tensor)))
-        for part in (*(body.inertia for body in tree.bodies), tree.base)
-    ]
     for i in reversed(range(len(tree.bodies))):
         body, own = tree.bodies[i], gathered[i]
         fixed = ca.SX(ca.DM(body.place.rotation))

@@ -16,6 +16,8 @@ from fzcli.model.composite import (
     centroidal_columns,
     joint_mass_matrix,
 )
+from fzcli.model.dynamics import DYNAMICS
+from fzcli.model.forward_dynamics import FORWARD
 from fzcli.model.tree import Tree, build_tree
 from fzcli.spec.robot import Robot
 
@@ -94,7 +96,8 @@ class RobotModel:
 
         Also "body": all that depends on q alone, in base axes (see `_body`); "tip": the tip pose and
         generalized Jacobian in base axes; "chain": points and axes of `chain`; "arm": origins
-        of base frame, carrying joints, and tip, from the base frame's. Raises SpecError for an unknown tip.
+        of base frame, carrying joints, and tip, from the base frame's; and the tables `DYNAMICS` and `FORWARD`.
+        Raises SpecError for an unknown tip.
         """
         tip = self.tips[0] if tip is None else tip
         if tip not in self.tips:
@@ -265,4 +268,6 @@ _BUILDERS = {
     "momentum": _momentum,
     "generalized_inertia": _generalized_inertia,
     "com": _com,
+    **DYNAMICS,
+    **FORWARD,
 }

@@ -1,11 +1,11 @@
 """A robot spec as flat arrays: moving bodies only, fixed joints welded into what carries them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.spec.robot import Frame, Link, Robot, Tip
+from fzcli.spec.robot import Frame, Friction, Link, Robot, Tip
 from fzcli.spec.shapes import Shape, placed
 
 Array = NDArray[np.float64]
@@ -90,6 +90,8 @@ class Tree:
     position_limits: Array  # (n, 2), infinite where the spec states none
     speed_limits: Array  # (n,)
     solids: tuple[BodySolid, ...] = ()
+    effort_limits: Array = field(default_factory=lambda: np.zeros(0))  # (n,), infinite where the spec states none
+    friction: Array = field(default_factory=lambda: np.zeros((0, 3)))  # (n, 3): viscous, Coulomb, smoothing
 
     def ancestors(self, body: int) -> list[int]:
         """The bodies from the base to ``body``, itself included."""
@@ -201,7 +203,14 @@ def build_tree(robot: Robot) -> Tree:
         np.array(limits, dtype=float).reshape(-1, 2),
         np.array(speeds, dtype=float),
         _solids(robot, frames),
+        np.array([np.inf if link.joint.effort is None else link.joint.effort for link, _, _ in drafts], dtype=float),
+        np.array([_friction_of(link) for link, _, _ in drafts], dtype=float).reshape(-1, 3),
     )
+
+
+def _friction_of(link: Link) -> tuple[float, float, float]:
+    found = link.joint.friction or Friction()
+    return found.viscous, found.coulomb, found.smoothing
 
 
 def _solids(robot: Robot, frames: dict[str, TipFrame]) -> tuple[BodySolid, ...]:

@@ -5,11 +5,12 @@ import numpy as np
 from fzcli.errors import Problem
 from fzcli.spec.document import Document, Steps
 from fzcli.spec.physics import Array, rotation_of, rpy_of, snapped, tensor, turned_inertia, vector
-from fzcli.spec.robot import Base, Frame, Joint, Link, Robot, Tip
+from fzcli.spec.robot import Base, Frame, Friction, Joint, Link, Robot, Tip
 from fzcli.spec.robot_file import (
     BaseFile,
     DhRobotFile,
     FrameFile,
+    FrictionFile,
     JointFile,
     LinkFile,
     RobotFile,
@@ -76,7 +77,16 @@ def _joint(joint: JointFile, default: str) -> Joint:
         axis=joint.axis,
         position=joint.position,
         speed=joint.speed,
+        effort=joint.effort,
+        friction=friction_of(joint.friction),
     )
+
+
+def friction_of(friction: FrictionFile | None) -> Friction | None:
+    """The normalised friction."""
+    if friction is None:
+        return None
+    return Friction(viscous=friction.viscous, coulomb=friction.coulomb, smoothing=friction.smoothing)
 
 
 def from_dh(file: DhRobotFile, document: Document, name: str) -> Robot:
@@ -139,7 +149,14 @@ def _row_link(row: RowFile, parent: str, at: Frame, after: Array) -> Link:
         name=row.link or f"{row.name}_link",
         parent=parent,
         at=at,
-        joint=Joint(name=row.name, type=row.type, position=row.position, speed=row.speed),
+        joint=Joint(
+            name=row.name,
+            type=row.type,
+            position=row.position,
+            speed=row.speed,
+            effort=row.effort,
+            friction=friction_of(row.friction),
+        ),
         mass=row.mass,
         com=vector(turn @ row.com + after[:3, 3]),
         inertia=turned_inertia(turn, tensor(row.inertia or NO_INERTIA)),

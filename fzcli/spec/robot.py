@@ -18,10 +18,22 @@ class Frame(SpecModel):
     rpy: Vector3 = (0.0, 0.0, 0.0)
 
 
+class Friction(SpecModel):
+    """Friction of a joint: viscous * qd + coulomb * qd / sqrt(qd^2 + smoothing^2).
+
+    ``viscous`` [N m s/rad or N s/m], ``coulomb`` [N m or N], ``smoothing`` [rad/s or m/s] > 0: the speed at
+    which the Coulomb part has reached 71 % of itself.
+    """
+
+    viscous: float = 0.0
+    coulomb: float = 0.0
+    smoothing: float = 0.1
+
+
 class Joint(SpecModel):
     """The joint that carries a link; its frame is the link's frame at q = 0.
 
-    ``position`` [rad or m] and ``speed`` [rad/s or m/s] are limits; None means not stated.
+    ``position`` [rad or m], ``speed`` [rad/s or m/s] and ``effort`` [N m or N] are limits; None means not stated.
     """
 
     name: str
@@ -29,6 +41,8 @@ class Joint(SpecModel):
     axis: Vector3 = (0.0, 0.0, 1.0)
     position: tuple[float, float] | None = None
     speed: float | None = None
+    effort: float | None = None
+    friction: Friction | None = None
 
 
 class Link(SpecModel):

@@ -11,7 +11,17 @@ from fzcli.spec.nearest import shown
 from fzcli.spec.physics import Inertia6, Vector3, check_body
 from fzcli.spec.robot import JointType
 from fzcli.spec.shapes import Angles, CollisionFile, Point, Shape
-from fzcli.spec.units import Angle, InertiaMoment, JointSpeed, JointValue, Length, Mass, quantity
+from fzcli.spec.units import (
+    Angle,
+    InertiaMoment,
+    JointDamping,
+    JointEffort,
+    JointSpeed,
+    JointValue,
+    Length,
+    Mass,
+    quantity,
+)
 
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _INERTIA_SCHEMA = {
@@ -123,12 +133,22 @@ class BaseFile(MaybeBodyFile):
         return self
 
 
+class FrictionFile(SpecModel):
+    """Friction of a joint: viscous * speed + coulomb * speed / sqrt(speed^2 + smoothing^2)."""
+
+    viscous: Annotated[JointDamping, Field(ge=0)] = 0.0
+    coulomb: Annotated[JointEffort, Field(ge=0)] = 0.0
+    smoothing: Annotated[JointSpeed, Field(gt=0)] = 0.1
+
+
 class MotionFile(SpecModel):
-    """What kind of motion a joint allows, and how far and how fast."""
+    """What kind of motion a joint allows, how far, how fast and with what force, and its friction."""
 
     type: JointType = "revolute"
     position: tuple[JointValue, JointValue] | None = None
     speed: JointSpeed | None = None
+    effort: JointEffort | None = Field(default=None, description="limit of torque (N m) or force (N)")
+    friction: FrictionFile | None = None
 
     @field_validator("position", mode="before")
     @classmethod
@@ -158,6 +178,26 @@ class MotionFile(SpecModel):
         if speed <= 0:
             raise ValueError(f"must be > 0, got {shown(value)}")
         return speed
+
+    @field_validator("effort", mode="before")
+    @classmethod
+    def _effort(cls, value: Any, info: ValidationInfo) -> Any:
+        kind = info.data.get("type")
+        if value is None or kind is None:
+            return value
+        if kind == "fixed":
+            raise ValueError("a fixed joint has no torque limit")
+        effort = quantity(value, "force" if kind == "prismatic" else "torque")
+        if effort <= 0:
+            raise ValueError(f"must be > 0, got {shown(value)}")
+        return effort
+
+    @field_validator("friction")
+    @classmethod
+    def _friction(cls, friction: FrictionFile | None, info: ValidationInfo) -> FrictionFile | None:
+        if friction is not None and info.data.get("type") == "fixed":
+            raise ValueError("a fixed joint has no friction")
+        return friction
 
 
 class JointFile(MotionFile):

@@ -75,6 +75,8 @@ _DIMENSIONS = (
     Dimension("an angular momentum", "kg m2/s", "2 N m s", (2, 1, -1, 0)),
     Dimension("a force", "N", "5 N", (1, 1, -2, 0)),
     Dimension("a torque", "N m", "2 N m", (2, 1, -2, 0)),
+    Dimension("a rotational damping", "N m s/rad", "0.5 N m s/rad", (2, 1, -1, -1)),
+    Dimension("a damping", "N s/m", "20 N s/m", (0, 1, -1, 0)),
     Dimension("a plain number", "1", "0.5", (0, 0, 0, 0)),
 )
 _BY_NAME = {dimension.name.partition(" ")[2]: dimension for dimension in _DIMENSIONS}
@@ -194,11 +196,14 @@ Speed = Annotated[float, Quantity("speed")]
 AngularSpeed = Annotated[float, Quantity("angular speed")]
 JointValue = Annotated[float, Quantity("angle", "length")]
 JointSpeed = Annotated[float, Quantity("angular speed", "speed")]
+JointAcceleration = Annotated[float, Quantity("angular acceleration", "acceleration")]
 Frequency = Annotated[float, Quantity("frequency")]
 Momentum = Annotated[float, Quantity("momentum")]
 AngularMomentum = Annotated[float, Quantity("angular momentum")]
 Force = Annotated[float, Quantity("force")]
 Torque = Annotated[float, Quantity("torque")]
+JointEffort = Annotated[float, Quantity("torque", "force")]
+JointDamping = Annotated[float, Quantity("rotational damping", "damping")]
 
 
 def unit_at(model: BaseModel, path: str) -> str:

@@ -19,7 +19,7 @@ from fzcli.spec.document import Steps
 from fzcli.spec.nearest import hint, shown
 from fzcli.spec.physics import Inertia6, Vector3, check_body, rpy_of, snapped, turned_inertia, vector
 from fzcli.spec.reader import read_bytes
-from fzcli.spec.robot import Base, Frame, Joint, Link, Robot, Tip
+from fzcli.spec.robot import Base, Frame, Friction, Joint, Link, Robot, Tip
 from fzcli.spec.robot_file import UrdfBaseFile, UrdfRobotFile
 from fzcli.spec.shapes import Shape
 from fzcli.spec.tree import arranged
@@ -192,7 +192,15 @@ def _link(joint: Any, root: str, body: _Body) -> Link:
         name=_own(joint.child),
         parent="base" if joint.parent == root else _own(joint.parent),
         at=at,
-        joint=Joint(name=joint.name, type=joint.type, axis=_axis(joint), position=position, speed=speed),
+        joint=Joint(
+            name=joint.name,
+            type=joint.type,
+            axis=_axis(joint),
+            position=position,
+            speed=speed,
+            effort=_effort(joint),
+            friction=_friction(joint),
+        ),
         mass=body.mass,
         com=body.com,
         inertia=body.inertia,
@@ -228,6 +236,26 @@ def _limits(joint: Any) -> tuple[tuple[float, float] | None, float | None]:
     if not lower < upper:
         raise ValueError(f"lower limit must be below the upper one, got {lower:g} and {upper:g}")
     return (lower, upper), speed
+
+
+def _effort(joint: Any) -> float | None:
+    """The torque or force limit; 0 is the customary way to state none."""
+    effort = joint.limit.effort if joint.limit is not None and joint.type != "fixed" else None
+    if not effort:
+        return None
+    if not 0 < effort < math.inf:
+        raise ValueError(f"effort limit must be > 0 and finite, got {effort:g}")
+    return float(effort)
+
+
+def _friction(joint: Any) -> Friction | None:
+    """<dynamics>: damping is the viscous, friction the Coulomb part."""
+    if joint.dynamics is None or joint.type == "fixed":
+        return None
+    viscous, coulomb = float(joint.dynamics.damping or 0.0), float(joint.dynamics.friction or 0.0)
+    if not (0 <= viscous < math.inf and 0 <= coulomb < math.inf):
+        raise ValueError(f"damping and friction must be >= 0 and finite, got {viscous:g} and {coulomb:g}")
+    return Friction(viscous=viscous, coulomb=coulomb) if viscous or coulomb else None
 
 
 def _base(root: str, body: _Body, overrides: UrdfBaseFile) -> Base:
