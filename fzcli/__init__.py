@@ -15,6 +15,7 @@ import fzcli.sweep  # noqa: F401
 if TYPE_CHECKING:  # the heavy rooms load when a function needs them
     import casadi as ca
 
+    from fzcli.learn.network_set import NetworkSet
     from fzcli.loop.rollout import Rollout
     from fzcli.model import RobotModel
     from fzcli.plan.plan import Plan
@@ -23,7 +24,7 @@ if TYPE_CHECKING:  # the heavy rooms load when a function needs them
     from fzcli.spec.rulebase import Rulebase
 
 __version__ = "0.1.0"
-__all__ = ["build_model", "build_surface", "load_robot", "load_rulebase", "plan", "simulate", "sweep"]
+__all__ = ["build_model", "build_surface", "load_robot", "load_rulebase", "plan", "simulate", "sweep", "train"]
 
 Source = str | Path
 
@@ -59,16 +60,27 @@ def build_surface(rulebase: "Rulebase") -> "ca.Function":
 def simulate(
     run: Source, *, sets: Sequence[str] = (), output: Source | None = None, argv: Sequence[str] = ()
 ) -> "Rollout":
-    """Run one simulation, and the variants that it is compared with (``rollout.variants``).
+    """Run one simulation, and the variants that it is compared with (``rollout.variants``); or follow a plan.
 
+    A plan (``kind: plan``) is made with what is known of its scene, and followed among the obstacles as they truly
+    move: what is seen on the way is answered by a detour, or a stop.
     ``run`` is a path, a name, or "-" for standard input; ``sets`` are changes such as
     "controller.gain=100"; ``output`` is the HDF5 file to write, none by default.
     Raises SpecError for bad input; a run that fails is returned with its status and data.
     """
-    from fzcli.loop.simulate import load_run, simulate_all
+    from fzcli.loop.simulate import load_run, read_run, simulate_all
     from fzcli.record.rollout_file import write_rollout
 
-    spec, variants = load_run(run, sets)
+    document = read_run(run)
+    if isinstance(document.value, dict) and document.value.get("kind") == "plan":
+        from fzcli.loop.execution import execute, mission_of
+        from fzcli.record.execution_file import as_rollout
+
+        rollout = as_rollout(execute(mission_of(document, sets), argv))
+        if output is not None:
+            write_rollout(rollout, output, "f8")
+        return rollout
+    spec, variants = load_run(document, sets)
     rollout = simulate_all(spec, variants, argv)
     if output is not None:
         write_rollout(rollout, output, spec.record.precision)
@@ -114,4 +126,27 @@ def plan(
     found = make_plan(load_plan(run, sets), argv)
     if output is not None and found.status.name != "failed":
         write_plan(found, output)
+    return found
+
+
+def train(
+    run: Source,
+    *,
+    sets: Sequence[str] = (),
+    output: Source | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> "NetworkSet":
+    """Train networks for a robot's kinematics, one a branch, and judge them on other poses.
+
+    ``run`` is a path, a name, or "-" for standard input; ``progress(what, done, total)`` is called on the
+    way; ``output`` is the npz file to write, none by default. ``found.kinematics_for(robot)`` has them ready for use.
+    Raises SpecError for bad input, UsageError where scikit-learn is needed and not installed.
+    """
+    from fzcli.learn.store import save
+    from fzcli.learn.train import load_train
+    from fzcli.learn.train import train as run_training
+
+    found = run_training(load_train(run, sets), progress)
+    if output is not None:
+        save(found, output)
     return found

@@ -22,6 +22,12 @@ def info(
     from fzcli.cli.sources import find_any, is_result
 
     path = find_any(source)
+    if path.suffix.lower() == ".npz":
+        from fzcli.cli.describe_learn import describe_networks
+        from fzcli.learn.store import load
+
+        emit("\n".join(describe_networks(load(path))) + "\n")
+        return
     emit("\n".join(_result(path) if is_result(path) else _text(path)) + "\n")
 
 
@@ -45,6 +51,12 @@ def _text(path: Path) -> list[str]:
         return describe_robot(robot_of(document))
     if kind == "rulebase":
         return describe_rulebase(rulebase_of(document))
+    if kind in ("planar_3rrr", "train"):
+        from fzcli.cli.describe_learn import describe_planar, describe_train
+        from fzcli.learn.train import train_of
+        from fzcli.spec.any_robot import planar_of
+
+        return describe_train(train_of(document)) if kind == "train" else describe_planar(planar_of(document))
     return _run(document, kind)
 
 

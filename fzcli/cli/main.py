@@ -16,6 +16,7 @@ from fzcli.cli.schema import schema
 from fzcli.cli.simulate import simulate
 from fzcli.cli.sweep import sweep
 from fzcli.cli.table import table
+from fzcli.cli.train import train
 from fzcli.cli.validate import validate
 
 app = typer.Typer(
@@ -26,7 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for command in (simulate, sweep, plan, table, find, get, plot, info, validate, schema, init):
+for command in (simulate, sweep, plan, train, table, find, get, plot, info, validate, schema, init):
     app.command()(command)
 
 

@@ -54,10 +54,12 @@ class Kind(StrEnum):
     """The kinds of YAML files."""
 
     robot = "robot"
+    planar_3rrr = "planar_3rrr"
     rulebase = "rulebase"
     simulate = "simulate"
     sweep = "sweep"
     plan = "plan"
+    train = "train"
 
 
 def table_width() -> int:

@@ -12,7 +12,7 @@ from fzcli.errors import UsageError
 @guarded
 def plot(
     source: Annotated[
-        str, typer.Argument(metavar="FILE", help="An HDF5 file of fzcli, or a rule base by path or name.")
+        str, typer.Argument(metavar="FILE", help="An HDF5 or npz file of fzcli, or a rule base by path or name.")
     ],
     output: Annotated[
         Path | None,
@@ -28,7 +28,8 @@ def plot(
         typer.Option(
             "--what",
             help="Of a run: run, comparison, or with a target configurations, tip_path, joints or reach; "
-            "of a sweep: table, comparison or runs. Default: what fits.",
+            "of a plan: joints_over_time, path or clearance; of a sweep: table, comparison or runs; "
+            "of networks: comparison or errors. Default: what fits.",
         ),
     ] = None,
 ) -> None:
@@ -39,7 +40,11 @@ def plot(
     from fzcli.cli.sources import find_any, is_result
 
     path = find_any(source)
-    if is_result(path):
+    if path.suffix.lower() == ".npz":
+        from fzcli.view.network_plot import plot_networks
+
+        figures = plot_networks(path, output, what)
+    elif is_result(path):
         from fzcli.view.plots import plot as draw
 
         figures = draw(path, output, what)

@@ -13,7 +13,8 @@ def schema(
     kind: Annotated[
         Kind | None,
         typer.Argument(
-            metavar="KIND", help="robot, rulebase, simulate, sweep or plan; all of them in one object by default."
+            metavar="KIND",
+            help="robot, planar_3rrr, rulebase, simulate, sweep, plan or train; all in one object by default.",
         ),
     ] = None,
 ) -> None:
@@ -29,14 +30,17 @@ def schema(
 
 def all_schemas() -> dict[str, dict[str, Any]]:
     """Kind -> JSON Schema."""
+    from fzcli.learn.train_spec import TrainRun
     from fzcli.plan.plan_spec import PlanRun
     from fzcli.spec.schema import json_schema, schema_of
     from fzcli.sweep.schema import simulate_schema, sweep_schema
 
     return {
         "robot": json_schema("robot"),
+        "planar_3rrr": json_schema("planar_3rrr"),
         "rulebase": json_schema("rulebase"),
         "simulate": simulate_schema(),
         "sweep": sweep_schema(),
         "plan": schema_of(PlanRun, "fzcli plan"),
+        "train": schema_of(TrainRun, "fzcli training"),
     }

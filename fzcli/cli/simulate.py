@@ -32,7 +32,7 @@ def simulate(
     ] = SummaryFormat.rich,
     quiet: QuietOption = False,
 ) -> None:
-    """Run one simulation, with its variants.
+    """Run one simulation, with its variants; or follow a plan among its obstacles as they truly move.
 
     Prints metrics, certificate and status; the result goes to an HDF5 file. Ends with 1 when a run
     failed; its data is kept up to there.

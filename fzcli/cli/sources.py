@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fzcli.errors import SpecError, UsageError
 
-KINDS = ("robot", "rulebase", "simulate", "sweep", "plan")
+KINDS = ("robot", "planar_3rrr", "rulebase", "simulate", "sweep", "plan", "train")
 _FOLDERS = ("robots", "rulebases", "runs")
 
 
@@ -58,16 +58,16 @@ class RunSource:
     name: str
     folder: Path
 
-    def output(self, asked: Path | None) -> Path:
-        """The HDF5 file to write: ``asked``, NAME.h5 in it if it is a folder, else FOLDER/NAME/NAME.h5.
+    def output(self, asked: Path | None, suffix: str = ".h5") -> Path:
+        """The file to write: ``asked``, NAME.h5 in it if it is a folder, else FOLDER/NAME/NAME.h5.
 
         Raises:
             UsageError: there is something of that name that is no file, such as a device.
         """
         if asked is None:
-            path = self.folder / self.name / f"{self.name}.h5"
+            path = self.folder / self.name / f"{self.name}{suffix}"
         elif asked.is_dir() or (not asked.suffix and not asked.exists()):
-            path = asked / f"{self.name}.h5"
+            path = asked / f"{self.name}{suffix}"
         else:
             path = asked
         if path.exists() and not path.is_file():

@@ -14,7 +14,10 @@ from fzcli.cli.options import QuietOption, RunArgument, SetOption, TableFormat, 
 
 if TYPE_CHECKING:
     from fzcli.record.sweep_record import SweepRecord
+    from fzcli.sweep.plan_sweep import PlanSweep
     from fzcli.sweep.resolve import Sweep
+
+    AnySweep = Sweep | PlanSweep
 
 
 @guarded
@@ -24,7 +27,7 @@ def sweep(
     jobs: Annotated[
         int | None,
         typer.Option(
-            "--jobs", "-j", min=1, help="Threads; all cores by default. Results do not depend on it."
+            "--jobs", "-j", min=1, help="Threads, or processes of plans; all cores by default. No result depends on it."
         ),
     ] = None,
     output: Annotated[
@@ -59,7 +62,8 @@ def sweep(
     if dry_run:
         emit(_plan(resolved, path))
         return
-    note_engine(quiet)
+    if resolved.file.run == "simulate":
+        note_engine(quiet)
     begin = time.monotonic()
     with Progress(quiet) as progress:
         record = run_sweep(resolved, jobs, progress, ("fzcli", *sys.argv[1:]))
@@ -71,7 +75,7 @@ def sweep(
     _judge(resolved, record)
 
 
-def _plan(resolved: "Sweep", path: Path) -> str:
+def _plan(resolved: "AnySweep", path: Path) -> str:
     trajectories = resolved.file.trajectories
     configurations = len(resolved.specs)
     facts = {
@@ -84,7 +88,7 @@ def _plan(resolved: "Sweep", path: Path) -> str:
     return "".join(f"{name:<15} {value}\n" for name, value in facts.items())
 
 
-def _table(resolved: "Sweep", record: "SweepRecord", format: TableFormat) -> str:
+def _table(resolved: "AnySweep", record: "SweepRecord", format: TableFormat) -> str:
     from fzcli.cli.table import default_table
     from fzcli.record.table import build_table
     from fzcli.record.table_text import render
@@ -94,7 +98,7 @@ def _table(resolved: "Sweep", record: "SweepRecord", format: TableFormat) -> str
     return render(build_table(record, spec), format.value, table_width(), colored())
 
 
-def _judge(resolved: "Sweep", record: "SweepRecord") -> None:
+def _judge(resolved: "AnySweep", record: "SweepRecord") -> None:
     """Say how many runs failed; end with 1 when they were not expected to."""
     from fzcli.sweep.execute import unexpected_failures
 

@@ -59,6 +59,14 @@ def check(path: Path) -> str:
     kind = check_kind(document, *KINDS)
     if kind == "robot":
         build_model(robot_of(document))
+    elif kind == "planar_3rrr":
+        from fzcli.spec.any_robot import planar_of
+
+        planar_of(document)
+    elif kind == "train":
+        from fzcli.learn.train import train_of
+
+        train_of(document)
     elif kind == "rulebase":
         check_rulebase(rulebase_of(document))
     elif kind == "simulate":
@@ -85,13 +93,18 @@ def _check_simulation(document: "Document") -> None:
 def _check_sweep(document: "Document") -> None:
     from fzcli.record.table import check_names
     from fzcli.sweep.builds import Builds
-    from fzcli.sweep.execute import table_spec
-    from fzcli.sweep.resolve import resolve
+    from fzcli.sweep.execute import resolve_any, table_spec
+    from fzcli.sweep.plan_runs import check_table
+    from fzcli.sweep.plan_sweep import PlanSweep
 
-    sweep = resolve(document)
+    sweep = resolve_any(document)
+    table = table_spec(sweep)
+    if isinstance(sweep, PlanSweep):
+        if table is not None:
+            check_table(sweep, table)
+        return
     builds = Builds()
     found = [builds.of(spec) for spec in (*sweep.specs, *([sweep.filter] if sweep.filter else []))]
-    table = table_spec(sweep)
     if table is not None:
         names = dict.fromkeys(metric.name for build in found for metric in build.loop.metrics)
         check_names(sweep.changes, [*names, "n_steps"], table)

@@ -39,9 +39,9 @@ Array = NDArray[np.float64]
 STATE_SIGNALS = ("q", "qd", "base_position", "base_quat", "base_twist", "tip_position", "tip_quat")
 
 
-def load_run(run: str | Path, sets: Sequence[str] = ()) -> tuple[SimulateRun, dict[str, SimulateRun]]:
-    """A run and its variants, by path or name. Raises SpecError with every problem found."""
-    return runs_of(read_run(run), sets)
+def load_run(run: str | Path | Document, sets: Sequence[str] = ()) -> tuple[SimulateRun, dict[str, SimulateRun]]:
+    """A run and its variants, by path or name, or as read. Raises SpecError with every problem found."""
+    return runs_of(run if isinstance(run, Document) else read_run(run), sets)
 
 
 def read_run(run: str | Path) -> Document:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import casadi as ca
@@ -101,8 +101,13 @@ def many(function: ca.Function, *columns: ArrayLike) -> list[Array]:
     tables = [np.asarray(column, dtype=np.float64) for column in columns]
     count = max((len(table) for table in tables if table.ndim == 2), default=1)
     full = [np.broadcast_to(table, (count, table.shape[-1])).T for table in tables]
-    found = function.map(count)(*full)
+    found = _mapped(function, count)(*full)
     return [np.array(part).T for part in (found if isinstance(found, tuple) else (found,))]
+
+
+@lru_cache(maxsize=1024)
+def _mapped(function: ca.Function, count: int) -> ca.Function:
+    return function.map(count)
 
 
 def obstacle_numbers(shape: Shape) -> Array:
@@ -243,14 +248,20 @@ def _assembled(
 
 
 def _derivatives(distances: ca.SX, q: ca.SX, position: ca.SX, quat: ca.SX) -> dict[str, ca.SX]:
-    """By the joints, and by the base's twist: a turn w changes the quaternion by (0, w) quat / 2."""
-    w, x, y, z = (quat[i] for i in range(4))
-    turned = 0.5 * ca.vertcat(ca.horzcat(-x, -y, -z), ca.horzcat(w, z, -y), ca.horzcat(-z, w, x), ca.horzcat(y, -x, w))
-    by_turn = ca.mtimes(ca.jacobian(distances, quat), turned)
+    """By the joints, and by the base's twist."""
+    by_turn = ca.mtimes(ca.jacobian(distances, quat), turned_by(quat))
     return {
         "by_q": ca.densify(ca.jacobian(distances, q)),
         "by_base": ca.densify(ca.horzcat(ca.jacobian(distances, position), by_turn)),
     }
+
+
+def turned_by(quat: ca.SX) -> ca.SX:
+    """How a quaternion changes with a turn w in world axes, by (0, w) quat / 2: (4, 3)."""
+    w, x, y, z = (quat[i] for i in range(4))
+    return 0.5 * ca.vertcat(
+        ca.horzcat(-x, -y, -z), ca.horzcat(w, z, -y), ca.horzcat(-z, w, x), ca.horzcat(y, -x, w)
+    )
 
 
 def _function(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:

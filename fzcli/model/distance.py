@@ -85,6 +85,11 @@ def segment_box(start: ca.SX, end: ca.SX, half: ca.SX) -> ca.SX:
     planes of the faces, so that the root of its slope is a linear interpolation between two knots. In
     contact: the six face normals of the Minkowski difference (box axes, and axes across segment) decide.
     """
+    return _segment_outside(start, end, half) + ca.fmin(_segment_depth(start, end, half), 0)
+
+
+def _segment_outside(start: ca.SX, end: ca.SX, half: ca.SX) -> ca.SX:
+    """The distance [m] of a segment from a box, 0 in contact."""
     way = end - start
     knots = [ca.SX(0), ca.SX(1)]
     for i, side in product(range(3), (-1, 1)):
@@ -102,8 +107,7 @@ def segment_box(start: ca.SX, end: ca.SX, half: ca.SX) -> ca.SX:
     below, above = slope(low), slope(high)
     share = ca.if_else(above == below, 0.5, _over(-below, above - below))  # in contact: amid the flat part
     t = low + (high - low) * _clamped(share)
-    outside = _length(ca.fmax(ca.fabs(start + _settled(t) * way) - half, 0))
-    return outside + ca.fmin(_segment_depth(start, end, half), 0)
+    return _length(ca.fmax(ca.fabs(start + _settled(t) * way) - half, 0))
 
 
 def _segment_depth(start: ca.SX, end: ca.SX, half: ca.SX) -> ca.SX:
@@ -121,11 +125,14 @@ def _segment_depth(start: ca.SX, end: ca.SX, half: ca.SX) -> ca.SX:
 
 
 def box_box(a: Box, b: Box) -> ca.SX:
-    """The signed distance [m] of two boxes: edges of each against the other apart, fifteen axes in contact."""
+    """The signed distance [m] of two boxes: edges and corners against boxes apart, fifteen axes in contact.
+
+    Apart, the nearest points lie on an edge of the one, or the nearer is a corner of the other. The axes tell which it
+    is (separating axis theorem).
+    """
     turn = ca.mtimes(a.rotation.T, b.rotation)
     shift = rotate(a.rotation.T, b.center - a.center)
-    apart = _edges_to_box(turn, shift, b.half, a.half)
-    apart = ca.fmin(apart, _edges_to_box(turn.T, -rotate(turn.T, shift), a.half, b.half))
+    apart = ca.fmin(_edges_to_box(turn, shift, b.half, a.half), _corners_to_box(turn.T, shift, a.half, b.half))
     axes = ca.SX.eye(3)
     candidates = [axes[:, i] for i in range(3)] + [turn[:, j] for j in range(3)]
     candidates += [cross(axes[:, i], turn[:, j]) for i in range(3) for j in range(3)]
@@ -134,16 +141,25 @@ def box_box(a: Box, b: Box) -> ca.SX:
         width = dot(a.half, ca.fabs(axis)) + dot(b.half, ca.fabs(rotate(turn.T, axis)))
         over = ca.fabs(dot(axis, shift)) - width
         gap = ca.fmax(gap, over if index < 6 else _across(over, dot(axis, axis), ca.SX(1)))
-    return ca.fmax(apart, 0) + ca.fmin(gap, 0)
+    return ca.if_else(gap < 0, gap, apart)
 
 
 def _edges_to_box(turn: ca.SX, shift: ca.SX, edges: ca.SX, half: ca.SX) -> ca.SX:
-    """The least signed distance of a box's twelve edges from another, in whose axes the first one stands."""
+    """The least distance [m] of a box's twelve edges from another, in whose axes the first one stands."""
     corners = {signs: shift + rotate(turn, ca.vertcat(*signs) * edges) for signs in product((-1, 1), repeat=3)}
     nearest = ca.SX(-NO_AXIS)
     for one, other in combinations(corners, 2):
         if sum(x != y for x, y in zip(one, other, strict=True)) == 1:
-            nearest = ca.fmin(nearest, segment_box(corners[one], corners[other], half))
+            nearest = ca.fmin(nearest, _segment_outside(corners[one], corners[other], half))
+    return nearest
+
+
+def _corners_to_box(turn: ca.SX, shift: ca.SX, corners: ca.SX, half: ca.SX) -> ca.SX:
+    """The least distance [m] of the corners of a box about the origin from another at ``shift``, in axes ``turn``."""
+    nearest = ca.SX(-NO_AXIS)
+    for signs in product((-1, 1), repeat=3):
+        over = ca.fabs(rotate(turn, ca.vertcat(*signs) * corners - shift)) - half
+        nearest = ca.fmin(nearest, _length(ca.fmax(over, 0)))
     return nearest
 
 

@@ -1,14 +1,15 @@
 """The planner of smooth detours: least weighted detour first, then wider and more of them, then a tree search."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.plan.continuous import Motion, PathClearance, path_clearance
-from fzcli.plan.detour_search import BEST, DetourProblem, Window, WindowProblem, patterns
+from fzcli.plan.detour_search import BEST, DetourProblem, WindowProblem, patterns
 from fzcli.plan.joint_path import JointPath
+from fzcli.plan.window_ride import Window
 from fzcli.plan.world import Path, World
 
 Array = NDArray[np.float64]
@@ -29,26 +30,11 @@ class Attempt:
     clearance: PathClearance
 
 
-def certified(world: World, path: Path, enough: float) -> PathClearance:
-    """The clearance of a whole path at all times; above ``enough`` [m] nobody asks."""
-    base = (lambda times: _poses(world, path, times)) if world.model.floating else _standing(world)
-    motion = Motion(world.model, path, world.scene, base)
-    return path_clearance(world.clearance, motion, 0.0, path.duration, tolerance=CERTIFIED, enough=enough)
-
-
-def _standing(world: World) -> Callable[[Array], tuple[Array, Array]]:
-    return lambda times: (
-        np.tile(world.base_position, (len(times), 1)),
-        np.tile(world.base_quat, (len(times), 1)),
-    )
-
-
-def _poses(world: World, path: Path, times: Array) -> tuple[Array, Array]:
-    """Of the free base at times in any order."""
-    order = np.argsort(times, kind="stable")
-    position, quat = world.base(path, times[order])
-    back = np.argsort(order, kind="stable")
-    return position[back], quat[back]
+def certified(world: World, path: Path, enough: float, begin: float = 0.0, end: float | None = None) -> PathClearance:
+    """The clearance of a path at all times from ``begin`` to ``end`` [s], its own; above ``enough`` [m] nobody asks."""
+    motion = Motion(world.model, path, world.scene, world.carrier(path))
+    last = path.duration if end is None else end
+    return path_clearance(world.clearance, motion, begin, last, tolerance=CERTIFIED, enough=enough)
 
 
 def keeps(world: World, path: Path, margin: float) -> PathClearance | None:
@@ -73,20 +59,30 @@ def candidate_windows(met: Sequence[Window], duration: float, steps: int) -> lis
     return [((begin * step, end * step),), ((0.0, duration),)]
 
 
-def one_detour(problem: DetourProblem, margin: float, steps: int) -> Attempt | None:
-    """The cheapest of the single detours found: from no detour, then from sign patterns of the first joints."""
+def one_detour(
+    problem: DetourProblem, margin: float, steps: int, window: tuple[int, int] | None = None
+) -> Attempt | None:
+    """The cheapest of the single detours found: from no detour, then from sign patterns of the first joints.
+
+    It stands in the ``window`` of steps, where one is asked for.
+    """
     met = met_windows(problem.world, problem.nominal, margin)
     if not met:
         return _clear(problem, margin)
-    shapes = [WindowProblem(problem, windows) for windows in candidate_windows(met, problem.nominal.duration, steps)]
+    step = problem.nominal.duration / steps
+    windows = candidate_windows(met, problem.nominal.duration, steps)
+    if window is not None:
+        windows = [((window[0] * step, min(window[1], steps) * step),)]
+    shapes = [WindowProblem(problem, one) for one in windows]
     n = len(problem.nominal.start)
     for shape in shapes:
-        found = _polished(problem, shape, np.zeros(n), margin, "detour")
+        found = polished(problem, shape, np.zeros(n), margin, "detour")
         if found is not None:
             return found
-    starts = [(shape, x) for shape in shapes for x in patterns(n)]
-    starts.sort(key=lambda start: start[0].violation(start[1]))
-    attempts = [_polished(problem, shape, x, margin, "detour") for shape, x in starts[:BEST]]
+    tried = np.array(list(patterns(n)))
+    starts = [(one, shape, x) for shape in shapes for one, x in zip(shape.violations(tried), tried, strict=True)]
+    starts.sort(key=lambda start: float(start[0]))
+    attempts = [polished(problem, shape, x, margin, "detour") for _, shape, x in starts[:BEST]]
     good = [attempt for attempt in attempts if attempt is not None]
     return min(good, key=lambda attempt: attempt.cost) if good else None
 
@@ -96,20 +92,20 @@ def _clear(problem: DetourProblem, margin: float) -> Attempt | None:
     return None if clearance is None else Attempt(problem.nominal, "straight", 0.0, clearance)
 
 
-def three_detours(problem: DetourProblem, margin: float, steps: int) -> Attempt | None:
+def three_detours(problem: DetourProblem, margin: float) -> Attempt | None:
     """Three overlapping detours over the whole path."""
     T, n = problem.nominal.duration, len(problem.nominal.start)
     shape = WindowProblem(problem, ((0.0, 0.5 * T), (0.25 * T, 0.75 * T), (0.5 * T, T)))
-    starts = [np.concatenate(parts) for x in patterns(n) for parts in ((x, x, x), (x, x, 0 * x), (0 * x, x, x))]
-    starts.sort(key=shape.violation)
-    for x in [np.zeros(3 * n), *starts[:BEST]]:
-        found = _polished(problem, shape, x, margin, "three_detours")
+    starts = np.array([[*a, *b, *c] for x in patterns(n) for a, b, c in ((x, x, x), (x, x, 0 * x), (0 * x, x, x))])
+    best = starts[np.argsort(shape.violations(starts), kind="stable")[: BEST // 2]]
+    for x in [np.zeros(3 * n), *best]:
+        found = polished(problem, shape, x, margin, "three_detours")
         if found is not None:
             return found
     return None
 
 
-def _polished(problem: DetourProblem, shape: WindowProblem, x: Array, margin: float, method: str) -> Attempt | None:
+def polished(problem: DetourProblem, shape: WindowProblem, x: Array, margin: float, method: str) -> Attempt | None:
     """Optimise, certify at all times, and ask for as much more as was missed between the samples."""
     wanted = margin
     for _ in range(POLISHES):
@@ -117,7 +113,11 @@ def _polished(problem: DetourProblem, shape: WindowProblem, x: Array, margin: fl
         if not good:
             return None
         path = problem.path(shape.windows, x)
-        clearance = certified(problem.world, path, margin + 10 * CERTIFIED)
+        past = shape.past_limits(path)
+        if past > 0:
+            shape.spare_more(2 * past)
+            continue
+        clearance = certified(problem.world, path, margin + 10 * CERTIFIED, problem.begin)
         short = margin - min(clearance.at_least + CERTIFIED, clearance.clearance)
         if short <= SLACK:
             return Attempt(path, method, float((shape.weights * x * x).sum()), clearance)
@@ -125,12 +125,12 @@ def _polished(problem: DetourProblem, shape: WindowProblem, x: Array, margin: fl
     return None
 
 
-def stretched(path: JointPath, speeds: Array) -> JointPath:
+def stretched(path: JointPath, speeds: Array, accelerations: Array) -> JointPath:
     """The same path in as much more time as its fastest joint needs."""
-    times = np.linspace(0.0, path.duration, 1001)
-    with np.errstate(invalid="ignore"):
-        ratio = float((np.abs(path.at(times)[1]) / speeds).max(initial=0.0))
-    if ratio <= 1.0:
+    _, qd, qdd = path.at(np.linspace(0.0, path.duration, 1001))
+    ratio = float((np.abs(qd) / speeds).max(initial=0.0))
+    ratio = max(ratio, float(np.sqrt((np.abs(qdd) / accelerations).max(initial=0.0))))
+    if ratio <= 1.0 + 1e-6:
         return path
     ratio *= 1 + 1e-4  # between the samples
     detours = tuple(replace(d, begin=d.begin * ratio, end=d.end * ratio, dwell=d.dwell * ratio) for d in path.detours)

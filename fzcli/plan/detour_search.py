@@ -2,28 +2,55 @@
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.plan.half_cycloid import PEAK, bump, bump_rate, window_phase
+from fzcli.plan.half_cycloid import PEAK, PEAK_SPEED, bump, bump_rate, window_phase
 from fzcli.plan.joint_path import Detour, JointPath
+from fzcli.plan.window_ride import Window as Window
+from fzcli.plan.window_ride import WindowRide, by_peaks
 from fzcli.plan.world import World
 
 Array = NDArray[np.float64]
-Window = tuple[float, float]  # begin, end [s]
 BLOCKS, SAMPLES = 6, 10  # of a window: one constraint a block, from that many samples
 SOFT, SHARP = 1000.0, 8000.0  # 1/m: of the first and the last optimisation
+HOPELESS, MISSED = 0.01, 2e-4  # m: missed by more, the first is the last; and what the last may miss
+ROUGH, EXACT = 1e-4, 1e-7  # of the cost, where they end
 AMPLITUDES = (0.25, 0.6, 1.2)  # rad: of the sign patterns
+FINE = 401  # samples at which limits and speeds are checked
+SPARE = 1e-4  # rad or m: kept from what limits allow a peak to be, for what lies between the samples
+THIRD = slice(1, None, 3)  # of the samples: to compare starts
 BEST = 6  # starts that are optimised
+
+
+class SpentError(Exception):
+    """A search has used up its evaluations."""
+
+
+@dataclass
+class Budget:
+    """Evaluations of the clearance along a window that a search has left."""
+
+    left: float = np.inf
+    used: int = 0
+
+    def spend(self) -> None:
+        """One more. Raises SpentError where none is left."""
+        if self.left < 1:
+            raise SpentError
+        self.left -= 1
+        self.used += 1
 
 
 @dataclass(frozen=True)
 class DetourProblem:
     """A nominal path to be led round what it meets. ``weights`` (n) of the squared peaks; ``margin`` [m].
 
-    ``speeds`` (n): joint speed limits to keep, infinite where the path will be stretched.
+    ``speeds`` (n): joint speed limits to keep, infinite where the path will be stretched. ``begin`` [s]: what lies
+    before it is not looked at. ``budget``: of all searches together; they raise SpentError when it ends.
     """
 
     world: World
@@ -31,6 +58,8 @@ class DetourProblem:
     weights: Array
     margin: float
     speeds: Array
+    begin: float = 0.0
+    budget: Budget = field(default_factory=Budget)
 
     def path(self, windows: tuple[Window, ...], peaks: Array) -> JointPath:
         """The nominal path with a detour of ``peaks`` (windows, n) in each window."""
@@ -57,10 +86,14 @@ class WindowProblem:
         begin, end = min(w[0] for w in windows), max(w[1] for w in windows)
         middles = (np.arange(BLOCKS * SAMPLES) + 0.5) / (BLOCKS * SAMPLES)
         self.times = begin + (end - begin) * middles
-        self.q0 = problem.nominal.at(self.times)[0]
+        self.q0, self.numbers = problem.nominal.at(self.times)[0], problem.world.scene.numbers(self.times)
         self.shares = np.column_stack([bump(window_phase(self.times, *w)[0]) / PEAK for w in windows])  # (T, windows)
         self.weights = np.tile(problem.weights, len(windows))
-        self.rows = _limit_rows(problem, windows)
+        self.spare = SPARE
+        self.rows = _limit_rows(problem, windows, self.spare)
+        self.afloat: WindowRide | None = None
+        if problem.world.model.floating:
+            self.afloat = WindowRide(problem.world, problem.nominal, windows, self.times)
 
     def postures(self, x: Array) -> Array:
         """q (T, n) at the samples."""
@@ -68,39 +101,54 @@ class WindowProblem:
 
     def clearances(self, x: Array, sharpness: float) -> tuple[Array, Array]:
         """Soft minimum of every block (B) and its derivative by x (B, size)."""
-        world = self.problem.world
+        self.problem.budget.spend()
+        q = self.postures(x)
+        if self.afloat is not None:
+            return _softened(*self.afloat.nearest(x, q, self.shares, sharpness), sharpness)
+        values, slopes = self.problem.world.nearest(q, self.numbers, sharpness)
+        return _softened(values, by_peaks(self.shares, slopes), sharpness)
+
+    def violations(self, starts: Array) -> Array:
+        """By how much clearance and limits are missed in all, (S), by peaks (S, size); seen at every third sample."""
+        self.problem.budget.spend()
+        world, times, peaks = self.problem.world, self.times[THIRD], starts.reshape(len(starts), -1, self.n)
+        q = (self.q0[THIRD] + np.einsum("tw,swn->stn", self.shares[THIRD], peaks)).reshape(-1, self.n)
+        position, quat = world.base_position, world.base_quat
         if world.model.floating:
-            return self._by_differences(x, sharpness)
-        values, slopes = world.nearest(self.postures(x), self.times, sharpness)
-        by_x = (self.shares[:, :, None] * slopes[:, None, :]).reshape(len(values), -1)
-        return _softened(values, by_x, sharpness)
-
-    def _by_differences(self, x: Array, sharpness: float) -> tuple[Array, Array]:
-        """On a free base the whole path moves each posture: derivatives by differences."""
-        step = 1e-6
-        centre = self._blocks(x, sharpness)
-        columns = [(self._blocks(x + step * e, sharpness) - centre) / step for e in np.eye(len(x))]
-        return centre, np.column_stack(columns)
-
-    def _blocks(self, x: Array, sharpness: float) -> Array:
-        distances = self.problem.world.distances(self.problem.path(self.windows, x), self.times)
-        least = distances.min(axis=1)
-        soft = least - np.log(np.exp(-sharpness * (distances - least[:, None])).sum(axis=1)) / sharpness
-        return _softened(soft, np.zeros((len(soft), 0)), sharpness)[0]
+            position, quat = WindowRide(world, self.problem.nominal, self.windows, times).poses(starts, q)
+        numbers = np.tile(self.numbers[THIRD], (len(starts), 1))
+        least = world.least(q, numbers, position, quat).reshape(len(starts), len(times))
+        missed = np.maximum(self.problem.margin - least, 0.0).sum(axis=1)
+        return np.asarray(missed + np.maximum(starts @ self.rows.matrix.T - self.rows.most, 0.0).sum(axis=1))
 
     def violation(self, x: Array) -> float:
-        """By how much clearance and limits are missed, in all."""
-        values = self.clearances(x, SOFT)[0] if not self.problem.world.model.floating else self._blocks(x, SOFT)
-        slack = self.rows.slack(x)
-        return float(np.maximum(self.problem.margin - values, 0).sum() + np.maximum(-slack, 0).sum())
+        """The same for one."""
+        return float(self.violations(x[None])[0])
+
+    def past_limits(self, path: JointPath) -> float:
+        """By how much smaller the peaks must be [rad or m], about, for a path to keep the joints' limits and speeds."""
+        begin, end = min(w[0] for w in self.windows), max(w[1] for w in self.windows)
+        low, high = self.problem.world.model.tree.position_limits.T
+        q, qd, _ = path.at(np.linspace(begin, end, FINE))
+        pace = 2.0 * PEAK_SPEED / min(w[1] - w[0] for w in self.windows)  # fastest of a detour of 1
+        over = max(float((low - q).max()), float((q - high).max()))
+        return max(over, float((np.abs(qd) - self.problem.speeds).max()) / pace, 0.0)
+
+    def spare_more(self, peaks: float) -> None:
+        """Keep all peaks by so much more from what limits and speeds allow at the samples."""
+        self.spare += peaks
+        self.rows = _limit_rows(self.problem, self.windows, self.spare)
 
     def optimise(self, x: Array, margin: float) -> tuple[Array, bool]:
         """The nearest least-cost peaks from a start, and whether all constraints hold there."""
-        for sharpness in (SOFT, SHARP):
-            x, good = self._descend(x, margin, sharpness)
-        return x, good
+        x, missed = self._descend(x, margin, SOFT, ROUGH)
+        if missed > HOPELESS:
+            return x, False
+        x, missed = self._descend(x, margin, SHARP, EXACT)
+        return x, missed <= MISSED and bool((self.rows.slack(x) >= -1e-9).all())
 
-    def _descend(self, x: Array, margin: float, sharpness: float) -> tuple[Array, bool]:
+    def _descend(self, x: Array, margin: float, sharpness: float, precision: float) -> tuple[Array, float]:
+        """Peaks of less cost, and by how much their worst block misses the margin [m]."""
         from scipy.optimize import minimize
 
         memory: dict[bytes, tuple[Array, Array]] = {}
@@ -113,8 +161,8 @@ class WindowProblem:
 
         constraints = [{"type": "ineq", "fun": lambda y: 10 * (at(y)[0] - margin), "jac": lambda y: 10 * at(y)[1]}]
         if len(self.windows) > 1:
-            rows = self.rows
-            constraints.append({"type": "ineq", "fun": rows.slack, "jac": lambda y: rows.matrix})
+            matrix, most = self.rows.shared
+            constraints.append({"type": "ineq", "fun": lambda y: most - matrix @ y, "jac": lambda y: -matrix})
         low, high = self.rows.bounds
         result = minimize(
             lambda y: float((self.weights * y * y).sum()),
@@ -123,11 +171,10 @@ class WindowProblem:
             bounds=np.column_stack([low, high]),
             constraints=constraints,
             method="SLSQP",
-            options={"maxiter": 40, "ftol": 1e-7},
+            options={"maxiter": 40, "ftol": precision},
         )
         y = np.clip(result.x, low, high)
-        good = bool((at(y)[0] >= margin - 2e-4).all() and (self.rows.slack(y) >= -1e-9).all())
-        return y, good
+        return y, float((margin - at(y)[0]).max())
 
 
 def _softened(values: Array, slopes: Array, sharpness: float) -> tuple[Array, Array]:
@@ -149,15 +196,22 @@ class LimitRows:
     most: Array
     bounds: tuple[Array, Array]
 
+    @cached_property
+    def shared(self) -> tuple[Array, Array]:
+        """The rows in which several windows meet; the others are bounds."""
+        several = (np.abs(self.matrix) > 1e-9).sum(axis=1) > 1
+        return self.matrix[several], self.most[several]
+
     def slack(self, x: Array) -> Array:
         """What is left of every row, negative where it is broken."""
         return self.most - self.matrix @ x
 
 
-def _limit_rows(problem: DetourProblem, windows: tuple[Window, ...]) -> LimitRows:
+def _limit_rows(problem: DetourProblem, windows: tuple[Window, ...], spare: float) -> LimitRows:
     nominal, n = problem.nominal, len(problem.nominal.start)
     begin, end = min(w[0] for w in windows), max(w[1] for w in windows)
-    times = np.linspace(begin, end, 8 * BLOCKS + 1)[1:-1]
+    count = FINE if len(windows) == 1 else 8 * BLOCKS + 1  # of one window, they only bound each peak
+    times = np.linspace(begin, end, count)[1:-1]
     q, qd, _ = nominal.at(times)
     low, high = problem.world.model.tree.position_limits.T
     phases = [window_phase(times, *w) for w in windows]
@@ -179,7 +233,7 @@ def _limit_rows(problem: DetourProblem, windows: tuple[Window, ...]) -> LimitRow
                 blocks.append(-row)
                 most.append(now - least)
     matrix = np.vstack(blocks) if blocks else np.zeros((0, n * len(windows)))
-    limits = np.concatenate(most) if most else np.zeros(0)
+    limits = np.concatenate(most) - spare * np.abs(matrix).sum(axis=1) if most else np.zeros(0)
     return LimitRows(matrix, limits, _own_bounds(matrix, limits))
 
 

@@ -19,9 +19,10 @@ class Plan:
 
     Shapes: time (T,) s; q, qd, qdd (T, n) rad or m, and per second; base_position (T, 3) m, origin of the base
     link's frame; base_quat (T, 4) w x y z, body to world; base_twist (T, 6) m/s, rad/s; tip_position (T, 3) m;
-    tip_quat (T, 4); clearance (T,) m, smallest distance of all pairs, infinite without any; arm_points (T, k) m,
-    the arm as a line. ``obstacles``: the middle of each (T, 3) m. ``detours``: what was added to the straight
-    joint path. ``method``: which planner made it.
+    tip_quat (T, 4); straight_tip (T, 3) m, where the tip would be without detours; clearance (T,) m, smallest
+    distance of all pairs, infinite without any; ``arms``: of each tip the arm as a line (T, k) m, and the names of
+    its points; ``obstacles``: the middle of each (T, 3) m. ``detours``: what was added to the straight joint path.
+    ``method``: which planner made it.
     """
 
     time: Array
@@ -33,9 +34,10 @@ class Plan:
     base_twist: Array
     tip_position: Array
     tip_quat: Array
+    straight_tip: Array
     clearance: Array
-    arm_points: Array
-    arm_names: tuple[str, ...]
+    arms: Mapping[str, Array]
+    arm_names: Mapping[str, tuple[str, ...]]
     obstacles: Mapping[str, Array]
     joint_names: tuple[str, ...]
     joint_units: tuple[str, ...]

@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from fzcli.plan.online_spec import ExecutionSpec
 from fzcli.plan.scene import Obstacle
 from fzcli.plan.time_laws.registry import TimeLawName
 from fzcli.spec.base import SpecModel
 from fzcli.spec.references import RobotReference
 from fzcli.spec.tool import Tool
-from fzcli.spec.units import Angle, Duration, JointValue, Length
+from fzcli.spec.units import Angle, Duration, JointAcceleration, JointValue, Length
 
 Point = tuple[Length, Length, Length]
 
@@ -59,12 +60,23 @@ class PlanGoal(SpecModel):
         return self
 
 
+def in_order(window: tuple[int, int]) -> tuple[int, int]:
+    """A window of steps whose begin lies before its end. Raises ValueError otherwise."""
+    if not 0 <= window[0] < window[1]:
+        raise ValueError("the window's begin must lie before its end")
+    return window
+
+
 class DetourPlannerSpec(SpecModel):
     """Least half-cycloidal detours by optimisation, then what ``fallbacks`` name, in their order."""
 
     kind: Literal["detour"] = "detour"
     weights: Annotated[
         tuple[float, ...] | None, Field(description="of the squared peaks in the cost, one a joint; 1 by default")
+    ] = None
+    window: Annotated[
+        tuple[int, int] | None,
+        Field(description="steps between which one detour stands; by default as many as it takes"),
     ] = None
     fallbacks: Annotated[
         tuple[Literal["three_detours", "rrt_connect"], ...], Field(description="tried where one detour does not do")
@@ -78,6 +90,11 @@ class DetourPlannerSpec(SpecModel):
         if weights is not None and min(weights, default=1.0) <= 0:
             raise ValueError("every weight must be above 0")
         return weights
+
+    @field_validator("window")
+    @classmethod
+    def _in_order(cls, window: tuple[int, int] | None) -> tuple[int, int] | None:
+        return None if window is None else in_order(window)
 
 
 class PaperPlannerSpec(SpecModel):
@@ -96,9 +113,7 @@ class PaperPlannerSpec(SpecModel):
     @field_validator("window")
     @classmethod
     def _in_order(cls, window: tuple[int, int]) -> tuple[int, int]:
-        if not 0 <= window[0] < window[1]:
-            raise ValueError("the window's begin must lie before its end")
-        return window
+        return in_order(window)
 
 
 class RrtPlannerSpec(SpecModel):
@@ -112,6 +127,11 @@ class RrtPlannerSpec(SpecModel):
 PlannerSpec = Annotated[
     DetourPlannerSpec | PaperPlannerSpec | RrtPlannerSpec, Field(discriminator="kind")
 ]
+PLANNER_SPECS: dict[str, type[SpecModel]] = {
+    "detour": DetourPlannerSpec,
+    "paper": PaperPlannerSpec,
+    "rrt_connect": RrtPlannerSpec,
+}
 
 
 class PlanRun(SpecModel):
@@ -121,6 +141,7 @@ class PlanRun(SpecModel):
     about: str = ""
     robot: RobotReference
     tool: Annotated[Tool | None, Field(description="a rigid tool on the first tip")] = None
+    hold_base: Annotated[bool, Field(description="a free base is held where it starts; the joints alone move")] = False
     start: PlanStart
     goal: PlanGoal
     law: TimeLawName = "3-4-5"
@@ -128,11 +149,22 @@ class PlanRun(SpecModel):
         Annotated[Duration, Field(gt=0)] | Literal["fastest"],
         Field(description="of the path; fastest: what joint speeds allow"),
     ] = "fastest"
-    stretch: Annotated[bool, Field(description="a detour may lengthen the duration for the joints' speeds")] = True
+    accelerations: Annotated[
+        tuple[JointAcceleration, ...] | None, Field(description="the largest of each joint, in the joints' order")
+    ] = None
+    stretch: Annotated[
+        bool, Field(description="the duration may grow where joint speeds and accelerations ask for it")
+    ] = True
     steps: Annotated[int, Field(ge=4, description="parts of the duration, by which windows are counted")] = 20
     margin: Annotated[Length, Field(ge=0, description="distance to keep from everything")] = 0.0
     scene: Annotated[tuple[Obstacle, ...], Field(description="what is not to be touched")] = ()
     planner: PlannerSpec = DetourPlannerSpec()
+    execution: Annotated[ExecutionSpec, Field(description="how `fzcli simulate` follows the plan")] = ExecutionSpec()
+
+
+def acceleration_limits(spec: PlanRun, n: int) -> np.ndarray:
+    """Joint acceleration limits (n) [rad/s2 or m/s2], infinite where none is given."""
+    return np.full(n, np.inf) if spec.accelerations is None else np.array(spec.accelerations, dtype=np.float64)
 
 
 def plan_misfits(spec: PlanRun) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -153,6 +185,11 @@ def plan_misfits(spec: PlanRun) -> Iterator[tuple[tuple[str, ...], str]]:
     weights = getattr(spec.planner, "weights", None)
     if weights is not None and len(weights) != len(joints):
         yield ("planner", "weights"), f"has {len(weights)} values for {len(joints)} active joints ({names})"
+    if spec.accelerations is not None and len(spec.accelerations) != len(joints):
+        text = f"has {len(spec.accelerations)} values for {len(joints)} active joints ({names})"
+        yield ("accelerations",), text
+    elif spec.accelerations is not None and min(spec.accelerations) <= 0:
+        yield ("accelerations",), "every acceleration must be above 0"
     for number in getattr(spec.planner, "joints", ()):
         if not 1 <= number <= len(joints):
             yield ("planner", "joints"), f"there is no joint {number}; the robot has {len(joints)}"

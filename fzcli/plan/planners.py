@@ -1,78 +1,89 @@
-"""The planners that a plan can name: (world, nominal path, spec, what was tried) -> a path that keeps clear."""
+"""The planners that a plan can name: what each of them tries, one stage after the other."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fzcli.plan.detour_planner import Attempt, one_detour, stretched, three_detours
 from fzcli.plan.detour_search import DetourProblem
 from fzcli.plan.joint_path import JointPath
-from fzcli.plan.plan_spec import DetourPlannerSpec, PlanRun
+from fzcli.plan.paper_planner import trial_and_error
+from fzcli.plan.plan_spec import DetourPlannerSpec, PaperPlannerSpec, PlanRun, RrtPlannerSpec, acceleration_limits
+from fzcli.plan.rrt_planner import rrt_connect
 from fzcli.plan.world import World
 
-# None where no path is found; what was tried is added to the list, for the error's text.
-Planner = Callable[[World, JointPath, PlanRun, list[str]], Attempt | None]
+Find = Callable[[World, JointPath, PlanRun], Attempt | None]  # from a nominal path to one that keeps clear
 
 
-def by_detours(world: World, nominal: JointPath, spec: PlanRun, tried: list[str]) -> Attempt | None:
-    """One detour within the speeds; one in more time; then the fallbacks."""
+@dataclass(frozen=True)
+class Stage:
+    """One way to find a path, told as ``about``, tried for at most ``goals`` final postures."""
+
+    about: str
+    find: Find
+    goals: int = 8
+
+
+def stages_of(spec: PlanRun) -> list[Stage]:
+    """What the plan's planner tries, in order: each for all final postures before the next one."""
     planner = spec.planner
-    if not isinstance(planner, DetourPlannerSpec):
-        raise TypeError("the planner of detours has a spec of its own")
-    n = len(nominal.start)
-    weights = np.array(planner.weights or (1.0,) * n)
-    speeds = world.model.tree.speed_limits
-    kept = DetourProblem(world, nominal, weights, spec.margin, speeds)
-    tried.append("one detour")
-    found = one_detour(kept, spec.margin, spec.steps)
-    if found is not None:
-        return found
-    free = DetourProblem(world, nominal, weights, spec.margin, np.full(n, np.inf))
-    if spec.stretch and not world.scene.moving:
-        tried.append("one detour in more time")
-        found = _in_more_time(one_detour(free, spec.margin, spec.steps), speeds)
-        if found is not None:
-            return found
+    if isinstance(planner, PaperPlannerSpec):
+        return [Stage("trial and error in the fixed window", trial_and_error)]
+    if isinstance(planner, RrtPlannerSpec):
+        return [_tree(planner, goals=8)]
+    stages = [Stage("one detour", _one_detour)]
     for fallback in planner.fallbacks:
-        if fallback == "three_detours":
-            tried.append("three detours")
-            loose = spec.stretch and not world.scene.moving
-            found = three_detours(free if loose else kept, spec.margin, spec.steps)
-            found = _in_more_time(found, speeds) if loose else found
-        else:
-            from fzcli.plan.rrt_planner import rrt_connect
-
-            tried.append(f"RRTConnect, {planner.iterations} iterations")
-            found = rrt_connect(world, nominal, spec, planner.iterations, planner.seed)
-        if found is not None:
-            return found
-    return None
+        tree = fallback == "rrt_connect"
+        stages.append(_tree(planner, goals=2) if tree else Stage("three detours", _three_detours, goals=2))
+    return stages
 
 
-def _in_more_time(found: Attempt | None, speeds: np.ndarray) -> Attempt | None:
+def _tree(planner: DetourPlannerSpec | RrtPlannerSpec, goals: int) -> Stage:
+    def find(world: World, nominal: JointPath, spec: PlanRun) -> Attempt | None:
+        return rrt_connect(world, nominal, spec, planner.iterations, planner.seed)
+
+    return Stage(f"RRTConnect, {planner.iterations} iterations", find, goals)
+
+
+def _one_detour(world: World, nominal: JointPath, spec: PlanRun) -> Attempt | None:
+    """The least detour at any speed where it keeps the limits, else the least that does, else the least in more time.
+
+    In a scene that moves, a path in more time would meet other obstacles: there it is the least within the speeds.
+    """
+    window = getattr(spec.planner, "window", None)
+    kept = _problem(world, nominal, spec, world.model.tree.speed_limits)
+    if not _may_stretch(world, spec):
+        return one_detour(kept, spec.margin, spec.steps, window)
+    free = one_detour(replace(kept, speeds=np.full(world.model.n, np.inf)), spec.margin, spec.steps, window)
+    slow = None if free is None else _in_more_time(free, world, spec)
+    if slow is None or slow is free:
+        return slow
+    found = one_detour(kept, spec.margin, spec.steps, window)
+    return slow if found is None else _in_more_time(found, world, spec)
+
+
+def _three_detours(world: World, nominal: JointPath, spec: PlanRun) -> Attempt | None:
+    if not _may_stretch(world, spec):
+        return three_detours(_problem(world, nominal, spec, world.model.tree.speed_limits), spec.margin)
+    found = three_detours(_problem(world, nominal, spec, np.full(world.model.n, np.inf)), spec.margin)
+    return None if found is None else _in_more_time(found, world, spec)
+
+
+def _problem(world: World, nominal: JointPath, spec: PlanRun, speeds: np.ndarray) -> DetourProblem:
+    weights = getattr(spec.planner, "weights", None) or (1.0,) * world.model.n
+    return DetourProblem(world, nominal, np.array(weights), spec.margin, speeds)
+
+
+def _may_stretch(world: World, spec: PlanRun) -> bool:
+    return spec.stretch and not world.scene.moving
+
+
+def _in_more_time(found: Attempt, world: World, spec: PlanRun) -> Attempt:
     """The same path, as slow as the joints need it: in a scene that stands still it stays as clear."""
-    if found is None or not isinstance(found.path, JointPath):
+    if not isinstance(found.path, JointPath):
         return found
-    slow = stretched(found.path, speeds)
-    method = found.method if slow is found.path else f"{found.method}, stretched"
-    return Attempt(slow, method, found.cost, found.clearance)
-
-
-def by_tree(world: World, nominal: JointPath, spec: PlanRun, tried: list[str]) -> Attempt | None:
-    """RRTConnect alone."""
-    from fzcli.plan.rrt_planner import rrt_connect
-
-    planner = spec.planner
-    tried.append("RRTConnect")
-    return rrt_connect(world, nominal, spec, getattr(planner, "iterations", 1), getattr(planner, "seed", 0))
-
-
-def by_the_paper(world: World, nominal: JointPath, spec: PlanRun, tried: list[str]) -> Attempt | None:
-    """Parsa 2008 as it stands: what it gives is judged by the whole arm like any other plan."""
-    from fzcli.plan.paper_planner import trial_and_error
-
-    tried.append("trial and error in the fixed window")
-    return trial_and_error(world, nominal, spec)
-
-
-PLANNERS: dict[str, Planner] = {"detour": by_detours, "rrt_connect": by_tree, "paper": by_the_paper}
+    slow = stretched(found.path, world.model.tree.speed_limits, acceleration_limits(spec, world.model.n))
+    if slow is found.path:
+        return found
+    return replace(found, path=slow, method=f"{found.method}, stretched")

@@ -7,20 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import FzcliError, Problem, SpecError
-from fzcli.model import RobotModel, build_model
-from fzcli.model.inverse.solve import build_inverse
+from fzcli.model import RobotModel
+from fzcli.plan.built import goal_solver_of, inverse_of, model_of
 from fzcli.plan.detour_planner import Attempt, keeps, stretched
-from fzcli.plan.inertial_goal import Departure, InertialEnd, PathLaw, build_inertial_goal, inertial_goals, path_law
+from fzcli.plan.detour_search import FINE
+from fzcli.plan.inertial_goal import Departure, InertialEnd, PathLaw, inertial_goals, path_law
 from fzcli.plan.joint_path import JointPath, fastest, law_values
-from fzcli.plan.plan_spec import PlanRun, PoseGoal
-from fzcli.plan.planners import PLANNERS
+from fzcli.plan.plan_spec import PlanRun, PoseGoal, acceleration_limits
+from fzcli.plan.planners import Stage, stages_of
 from fzcli.plan.scene import build_scene
 from fzcli.plan.world import World, build_world, rotation
+from fzcli.spec.robot import Robot
 from fzcli.spec.tool import with_tool
 
 Array = NDArray[np.float64]
 MOST_GOALS = 8  # final postures that are planned for, the nearest first
 MET = 1e-6  # m and rad: a pose that is met
+ROUNDS = 5  # of planning and moving the final joints
+DEEP = 0.02  # m: of contact at a goal on a free base, from where on it is refused
+ROOM = 5e-4  # m: planned for beyond the margin, for the final joints to move in
 GOAL_PIECES = 64  # of a path with detours, for the base's attitude at its end
 
 
@@ -47,14 +52,27 @@ class Task:
         """Joint speed limits (n), infinite where none is stated."""
         return self.model.tree.speed_limits
 
+    @property
+    def accelerations(self) -> Array:
+        """Joint acceleration limits (n), infinite where none is given."""
+        return acceleration_limits(self.spec, self.model.n)
+
     def nominal(self, goal: Array) -> JointPath:
         """The straight joint path to a final posture in the duration that is asked for."""
         way = goal - self.start
-        shortest = fastest(self.start, goal, self.speeds, np.full(len(way), np.inf), self.spec.law)
+        shortest = fastest(self.start, goal, self.speeds, self.accelerations, self.spec.law)
         if self.spec.duration == "fastest":
             return JointPath(self.start, way, max(shortest * (1 + 1e-9), 1e-3), self.spec.law)
         duration = max(self.spec.duration, shortest * (1 + 1e-9)) if self.spec.stretch else self.spec.duration
         return JointPath(self.start, way, duration, self.spec.law)
+
+
+def planned_robot(spec: PlanRun) -> Robot:
+    """The robot of a plan with its tool, and with its base held if it is to be."""
+    robot = spec.robot if spec.tool is None else with_tool(spec.robot, spec.tool)
+    if not spec.hold_base:
+        return robot
+    return robot.model_copy(update={"base": robot.base.model_copy(update={"floating": False})})
 
 
 def prepare(spec: PlanRun) -> Task:
@@ -62,8 +80,7 @@ def prepare(spec: PlanRun) -> Task:
 
     Raises SpecError: the start or every goal is in contact, a pose is out of reach or beyond the joint limits.
     """
-    robot = spec.robot if spec.tool is None else with_tool(spec.robot, spec.tool)
-    model = build_model(robot)
+    model = model_of(planned_robot(spec))
     world = build_world(model, build_scene(spec.scene), spec.start.base_position, spec.start.base_quat)
     start = np.array(spec.start.q, dtype=np.float64)
     task = Task(spec, world, start, ())
@@ -76,23 +93,22 @@ def prepare(spec: PlanRun) -> Task:
 
 def _contacts(task: Task) -> Iterator[Problem]:
     """Start or goals nearer than the margin to something: told with the pair and the distance."""
-    margin, spec = task.spec.margin, task.spec
-    text = _too_near(task, task.start[None, :], np.zeros(1), margin)
+    margin, world = task.spec.margin, task.world
+    text = _too_near(world, task.nominal(task.start), 0.0, margin)
     if text:
         yield Problem(f"the start is {text}", field="start.q")
-    if not task.world.model.floating:
-        texts = []
-        for goal in task.goals:
-            end = np.array([task.nominal(goal).duration])
-            texts.append(_too_near(task, goal[None, :], end, margin))
-        if texts and all(texts):
-            field = "goal.q" if spec.goal.q is not None else "goal"
-            yield Problem(f"the goal is {texts[0]}", field=field)
+    # on a free base detours move the end of the path a little: only what is hopeless is refused
+    least = min(margin, -DEEP) if world.model.floating else margin
+    paths = [task.nominal(goal) for goal in task.goals]
+    texts = [_too_near(world, path, path.duration, least) for path in paths]
+    if texts and all(texts):
+        field = "goal.q" if task.spec.goal.q is not None else "goal"
+        when = f" at {paths[0].duration:.4g} s, when the arm gets there" if world.scene.moving else ""
+        yield Problem(f"the goal is {texts[0]}{when}", field=field)
 
 
-def _too_near(task: Task, q: Array, time: Array, margin: float) -> str:
-    world = task.world
-    distances = world.clearance.at(q, world.scene.numbers(time), world.base_position, world.base_quat)[0]
+def _too_near(world: World, path: JointPath, time: float, margin: float) -> str:
+    distances = world.distances(path, np.array([time]))[0]
     if not len(distances) or distances.min() >= margin:
         return ""
     worst = int(distances.argmin())
@@ -115,7 +131,7 @@ def _fixed_goals(task: Task, poses: dict[str, PoseGoal]) -> list[Array]:
     """Final postures on a base that stands still, nearest first; of several tips, each tip's nearest one."""
     postures = [task.start]
     for tip, pose in poses.items():
-        inverse = build_inverse(task.model, tip)
+        inverse = inverse_of(task.model, tip)
         position, turn = _seen(task, pose)
         found = [one for q in postures for one in inverse.solve(position, turn, near=q, windings=len(poses) == 1)]
         if not found:
@@ -132,6 +148,9 @@ def _unreachable(task: Task, nearest: list, tip: str) -> Problem:  # type: ignor
         missing = f"{1e3 * best.distance:.4g} mm{turn}"
         return Problem(f"out of reach of tip {tip!r}: {missing} missing", field=field)
     past = min(one.excess for one in nearest if one.distance <= MET and one.angle <= MET)
+    if past <= 0:
+        text = f"tip {tip!r} would meet it from where the base stands, but no final joints do on the base that turns"
+        return Problem(text, field=field)
     return Problem(
         f"tip {tip!r} meets it only beyond the joint limits, by {np.rad2deg(past):.3g} deg at least", field=field
     )
@@ -157,21 +176,39 @@ def _floating_goals(task: Task, poses: dict[str, PoseGoal]) -> list[Array]:
             text = "rpy is needed: on a free base the whole pose of a tip is met"
             raise SpecError(Problem(text, field=f"goal.tips.{tip}.rpy" if task.spec.goal.tips else "goal.rpy"))
     departure = Departure(task.start, task.world.base_quat, task.world.base_position)
-    solver = build_inertial_goal(task.model, tuple(poses))
+    solver = goal_solver_of(task.model, tuple(poses))
     if len(poses) == 1:
         (tip, pose), = poses.items()
-        inverse = build_inverse(task.model, tip)
+        inverse = inverse_of(task.model, tip)
         ends = inertial_goals(solver, inverse, departure, (np.array(pose.position), _rotation_of(pose)))
         if not ends:
             raise SpecError(_unreachable(task, inverse.branches(*_seen(task, pose), near=task.start), tip))
         return [end.q for end in ends[:MOST_GOALS]]
-    guess = _fixed_goals(task, poses)[0]
     targets = [(np.array(pose.position), _rotation_of(pose)) for pose in poses.values()]
-    end: InertialEnd = solver.solve(departure, targets, guess)
+    end: InertialEnd = solver.solve(departure, targets, _guess(task, poses))
     if end.error > MET:
         missing = f"{1e3 * end.distance:.4g} mm and {np.rad2deg(end.angle):.3g} deg missing"
         raise SpecError(Problem(f"not met on the free base: {missing}", field="goal.tips"))
+    low, high = task.model.tree.position_limits.T
+    past = np.maximum(low - end.q, end.q - high)
+    if past.max() > MET:
+        joint = task.model.joint_names[int(past.argmax())]
+        text = f"met only with joint {joint!r} {np.rad2deg(past.max()):.3g} deg beyond its limits"
+        raise SpecError(Problem(text, field="goal.tips"))
     return [end.q]
+
+
+def _guess(task: Task, poses: dict[str, PoseGoal]) -> Array:
+    """Every tip's posture with the base where it starts, limits left aside: the nearest of those that meet its pose."""
+    q = task.start
+    for tip, pose in poses.items():
+        found = inverse_of(task.model, tip).branches(*_seen(task, pose), near=q)
+        good = [one for one in found if one.distance + one.angle <= MET] or found[:1]
+        near, joints = q, task.model.carriers(tip)
+        best = min(good, key=lambda one: float(np.square(one.q - near).sum()))
+        q = q.copy()
+        q[joints] = best.q[joints]
+    return q
 
 
 def poses_of(task: Task) -> dict[str, tuple[Array, Array]]:
@@ -183,24 +220,29 @@ def poses_of(task: Task) -> dict[str, tuple[Array, Array]]:
     return {tip: (np.array(pose.position), _rotation_of(pose)) for tip, pose in poses.items()}
 
 
-def meeting(task: Task, attempt: Attempt) -> Attempt | None:
+def meeting(task: Task, attempt: Attempt) -> tuple[Attempt | None, Array | None]:
     """The path with its final joints moved so that it meets the goal in the world in spite of its detours.
 
-    The base's attitude at the end hangs on the whole path. None where the moved path does not keep clear.
+    The base's attitude at the end hangs on the whole path. Gives None for a path that then does not keep clear, and
+    the final joints to plan for next; None for those where the goal is not met at all.
     """
     path = attempt.path
     if not isinstance(path, JointPath):
-        return None
+        return None, None
     poses = poses_of(task)
-    solver = build_inertial_goal(task.model, tuple(poses))
+    solver = goal_solver_of(task.model, tuple(poses))
     departure = Departure(task.start, task.world.base_quat, task.world.base_position)
     end = solver.solve(departure, list(poses.values()), path.goal, _law_of(path))
-    if end.error > MET:
-        return None
+    low, high = task.model.tree.position_limits.T
+    if end.error > MET or np.maximum(low - end.q, end.q - high).max() > MET:
+        return None, None
     moved = replace(path, travel=end.q - path.start)
-    moved = stretched(moved, task.speeds) if task.spec.stretch else moved
+    moved = stretched(moved, task.speeds, task.accelerations) if task.spec.stretch else moved
+    q, _, _ = moved.at(np.linspace(0.0, moved.duration, FINE))
+    if max(float((low - q).max()), float((q - high).max())) > 0:
+        return None, end.q
     clearance = keeps(task.world, moved, task.spec.margin)
-    return None if clearance is None else replace(attempt, path=moved, clearance=clearance)
+    return (None if clearance is None else replace(attempt, path=moved, clearance=clearance)), end.q
 
 
 def _law_of(path: JointPath) -> PathLaw:
@@ -221,19 +263,32 @@ def _law_of(path: JointPath) -> PathLaw:
 
 
 def solve(task: Task) -> Attempt:
-    """The first path that keeps clear, over the goals in their order.
+    """The first path that keeps clear: stage after stage of the planner, each over the goals in their order.
 
     Raises NoPlanError when none is found, saying what was tried.
     """
-    plan = PLANNERS[task.spec.planner.kind]
     tried: list[str] = []
-    for goal in task.goals:
-        attempt = plan(task.world, task.nominal(goal), task.spec, tried)
-        if attempt is not None and task.model.floating and task.spec.goal.q is None:
-            attempt = meeting(task, attempt)
-            tried.append("final joints on the free base")
-        if attempt is not None:
-            return attempt
+    for stage in stages_of(task.spec):
+        tried.append(stage.about)
+        for goal in task.goals[: stage.goals]:
+            attempt = _to(task, stage, goal)
+            if attempt is not None:
+                return attempt
     goals = f"{len(task.goals)} final posture{'s' if len(task.goals) > 1 else ''}"
-    what = "; ".join(dict.fromkeys(tried)) or "the straight joint path"
-    raise NoPlanError(f"no path keeps {1e3 * task.spec.margin:g} mm clear for {goals}; tried: {what}")
+    raise NoPlanError(f"no path keeps {1e3 * task.spec.margin:g} mm clear for {goals}; tried: {'; '.join(tried)}")
+
+
+def _to(task: Task, stage: Stage, goal: Array) -> Attempt | None:
+    """A path to a final posture; on a free base round after round, until the detours' own effect on the end is met."""
+    if not task.model.floating or task.spec.goal.q is not None:
+        return stage.find(task.world, task.nominal(goal), task.spec)
+    asked = task.spec.model_copy(update={"margin": task.spec.margin + ROOM})
+    for _ in range(ROUNDS):
+        attempt = stage.find(task.world, task.nominal(goal), asked)
+        if attempt is None:
+            return None
+        met, following = meeting(task, attempt)
+        if met is not None or following is None:
+            return met
+        goal = following
+    return None

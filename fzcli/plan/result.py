@@ -7,10 +7,12 @@ from numpy.typing import NDArray
 from fzcli.model.algebra import cross, rotate
 from fzcli.model.attitude import rotation_matrix
 from fzcli.model.collision import many
+from fzcli.plan.braked_path import BrakedPath
 from fzcli.plan.detour_planner import Attempt
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.plan import Plan
 from fzcli.plan.planning import Task, poses_of
+from fzcli.plan.world import Path
 from fzcli.spec.quantity import Signal
 from fzcli.spec.result import Provenance, Status
 
@@ -25,6 +27,7 @@ CERTIFICATE = {
     "clearance_time": ("s", "when the smallest distance is met"),
     "joint_limit_excess_max": ("rad or m", "largest excess of joint position"),
     "joint_speed_excess_max": ("rad/s or m/s", "largest excess of joint speed"),
+    "joint_acceleration_excess_max": ("rad/s2 or m/s2", "largest excess of joint acceleration, where it has a limit"),
     "goal_error_max": ("m or rad", "by which joints or tips miss the goal at the end"),
     "knot_jump_max": ("1", "largest jump of position, velocity and acceleration at the path's knots, relative"),
 }
@@ -48,12 +51,9 @@ def as_plan(task: Task, attempt: Attempt, provenance: Provenance) -> Plan:
     position, quat = world.base(path, time)
     distances = world.clearance.at(q, world.scene.numbers(time), position, quat)
     clearance = distances.min(axis=1, initial=np.inf)
-    turned, rotations = many(model.function("forward_kinematics"), q, quat)
-    rotations = rotations.reshape(count, 3, 3).transpose(0, 2, 1)
-    com = position + many(model.function("com"), q, quat)[0] if model.floating else position
-    tip = com + turned
-    arm = _arm(task, q, position, quat)
-    certificate = _certificate(task, attempt, time, (q, qd), tip, rotations)
+    tip, rotations = _tip(task, q, position, quat)
+    arms = {name: _arm(task, name, q, position, quat) for name in model.tips}
+    certificate = _certificate(task, attempt, time, (q, qd, qdd), tip, rotations)
     limits = task.speeds
     with np.errstate(invalid="ignore"):
         ratio = float((np.abs(qd) / limits).max(initial=0.0))
@@ -77,9 +77,10 @@ def as_plan(task: Task, attempt: Attempt, provenance: Provenance) -> Plan:
         base_twist=_base_twist(task, q, qd, quat),
         tip_position=tip,
         tip_quat=_quaternions(rotations),
+        straight_tip=_straight_tip(task, path, time, tip),
         clearance=clearance,
-        arm_points=arm,
-        arm_names=("base", *(model.joint_names[j] for j in model.carriers()), "tip"),
+        arms=arms,
+        arm_names={name: ("base", *(model.joint_names[j] for j in model.carriers(name)), "tip") for name in arms},
         obstacles=_obstacles(task, time),
         joint_names=model.joint_names,
         joint_units=tuple("m" if body.prismatic else "rad" for body in model.tree.bodies),
@@ -93,10 +94,27 @@ def as_plan(task: Task, attempt: Attempt, provenance: Provenance) -> Plan:
     )
 
 
+def _tip(task: Task, q: Array, position: Array, quat: Array) -> tuple[Array, Array]:
+    """Position (T, 3) [m] and rotation (T, 3, 3) of the first tip in the world."""
+    model = task.model
+    turned, rotations = many(model.function("forward_kinematics"), q, quat)
+    center = position + many(model.function("com"), q, quat)[0] if model.floating else position
+    return center + turned, rotations.reshape(len(q), 3, 3).transpose(0, 2, 1)
+
+
+def _straight_tip(task: Task, path: Path, time: Array, tip: Array) -> Array:
+    """Where the tip (T, 3) [m] would be on the straight joint path to the same end."""
+    if isinstance(path, JointPath) and not path.detours:
+        return tip
+    straight = JointPath(path.start, path.goal - path.start, path.duration, task.spec.law)
+    position, quat = task.world.base(straight, time)
+    return _tip(task, straight.at(time)[0], position, quat)[0]
+
+
 def _certificate(
-    task: Task, attempt: Attempt, time: Array, states: tuple[Array, Array], tip: Array, rotations: Array
+    task: Task, attempt: Attempt, time: Array, states: tuple[Array, Array, Array], tip: Array, rotations: Array
 ) -> dict[str, float]:
-    q, qd = states
+    q, qd, qdd = states
     low, high = task.model.tree.position_limits.T
     found = attempt.clearance
     return {
@@ -105,6 +123,7 @@ def _certificate(
         "clearance_time": found.time,
         "joint_limit_excess_max": max(0.0, float((low - q).max()), float((q - high).max())),
         "joint_speed_excess_max": max(0.0, float((np.abs(qd) - task.speeds).max())),
+        "joint_acceleration_excess_max": max(0.0, float((np.abs(qdd) - task.accelerations).max())),
         "goal_error_max": _goal_error(task, q[-1], tip[-1], rotations[-1]),
         "knot_jump_max": _knot_jump(attempt),
     }
@@ -131,13 +150,7 @@ def _goal_error(task: Task, q: Array, tip: Array, rotation: Array) -> float:
 def _knot_jump(attempt: Attempt) -> float:
     """Of position, velocity and acceleration on both sides of every knot, over their largest values."""
     path = attempt.path
-    knots = [0.0, path.duration]
-    if isinstance(path, JointPath):
-        for detour in path.detours:
-            middle, half = 0.5 * (detour.begin + detour.end), 0.5 * detour.dwell
-            knots += [detour.begin, detour.end, middle - half, middle + half]
-    else:
-        knots += list(np.cumsum([part.duration for part in getattr(path, "parts", ())]))
+    knots = _knots(path)
     gap = 1e-12 * max(1.0, path.duration)
     at = np.array(sorted(knots))
     sizes = [float(np.abs(values).max()) for values in path.at(np.linspace(0.0, path.duration, 400))]
@@ -146,6 +159,20 @@ def _knot_jump(attempt: Attempt) -> float:
         for a, b, size in zip(path.at(at - gap), path.at(at + gap), sizes, strict=True)
     ]
     return max(jumps)
+
+
+def _knots(path: Path) -> list[float]:
+    """Times [s] at which a path goes from one formula to the next."""
+    knots = [0.0, path.duration]
+    if isinstance(path, JointPath):
+        for detour in path.detours:
+            middle, half = 0.5 * (detour.begin + detour.end), 0.5 * detour.dwell
+            knots += [detour.begin, detour.end, middle - half, middle + half]
+    elif isinstance(path, BrakedPath):
+        knots += [path.begin, path.stopped, path.rest, *(path.when(knot) for knot in _knots(path.path))]
+    else:
+        knots += list(np.cumsum([part.duration for part in getattr(path, "parts", ())]))
+    return knots
 
 
 def _status(task: Task, attempt: Attempt, certificate: dict[str, float]) -> Status:
@@ -158,7 +185,7 @@ def _status(task: Task, attempt: Attempt, certificate: dict[str, float]) -> Stat
     if certificate["clearance_min"] < margin - 1e-6:
         text = f"{attempt.clearance.pair} come within {1e3 * certificate['clearance_min']:.3g} mm"
         return Status("flagged", text, "lower margin, or use another planner")
-    for name in ("joint_limit_excess_max", "joint_speed_excess_max"):
+    for name in ("joint_limit_excess_max", "joint_speed_excess_max", "joint_acceleration_excess_max"):
         if certificate[name] > EXCESS:
             return Status("flagged", f"{name} {certificate[name]:.3g}", "give it more time, or stretch: true")
     if certificate["goal_error_max"] > GOAL_MISSED:
@@ -186,11 +213,11 @@ def _quaternions(rotations: Array) -> Array:
     return np.asarray(found * signs[:, None])
 
 
-def _arm(task: Task, q: Array, position: Array, quat: Array) -> Array:
-    """The arm's polyline in the world, (T, 3 k), point after point."""
+def _arm(task: Task, tip: str, q: Array, position: Array, quat: Array) -> Array:
+    """The polyline in the world of the arm that carries a tip, (T, 3 k), point after point."""
     from scipy.spatial.transform import Rotation
 
-    own = many(task.model.function("arm"), q)[0]
+    own = many(task.model.function("arm", tip), q)[0]
     points = own.reshape(len(q), -1, 3)
     turn = Rotation.from_quat(quat[:, [1, 2, 3, 0]]).as_matrix()
     return np.asarray((np.einsum("tij,tkj->tki", turn, points) + position[:, None, :]).reshape(len(q), -1))

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from fzcli.plan.detour_planner import SLACK, Attempt, certified
 from fzcli.plan.joint_path import JointPath, fastest
-from fzcli.plan.plan_spec import PlanRun
+from fzcli.plan.plan_spec import PlanRun, acceleration_limits
 from fzcli.plan.world import World
 
 Array = NDArray[np.float64]
 STRIDE = 0.6  # rad or m: of an extension, in the joint that goes farthest
 SPACING = 0.03  # rad or m: between the postures looked at on an edge
 SHORTCUTS = 300
-EXTRA = 1e-3  # m: kept beyond the margin for what lies between the postures
+EXTRA = (1e-3, 5e-3)  # m: kept beyond the margin for what lies between the postures, at first and if that misses
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,10 @@ class Edges:
     """Whether straight joint motions keep clear in a scene that stands still, the base standing as well."""
 
     def __init__(self, world: World, margin: float) -> None:
-        self.world, self.margin = world, margin + EXTRA
+        self.world, self.margin = world, margin
         self.numbers = world.scene.numbers(np.zeros(1))[0]
         low, high = world.model.tree.position_limits.T
-        self.low, self.high = np.maximum(low, -np.pi), np.minimum(high, np.pi)
+        self.low, self.high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
 
     def clear(self, a: Array, b: Array) -> bool:
         """All postures from a to b, ``SPACING`` apart."""
@@ -113,17 +113,19 @@ def rrt_connect(world: World, nominal: JointPath, spec: PlanRun, iterations: int
     """
     if world.scene.moving or world.model.floating:
         return None
-    edges, random = Edges(world, spec.margin), np.random.default_rng(seed)
-    corners = _connect(edges, nominal.start, nominal.goal, iterations, random)
-    if corners is None:
-        return None
-    corners = _shortened(edges, corners, random)
-    path = _timed(corners, nominal, spec, world.model.tree.speed_limits)
-    clearance = certified(world, path, spec.margin + EXTRA)
-    if clearance.at_least < spec.margin - SLACK:
-        return None
-    length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(corners))
-    return Attempt(path, "rrt_connect", length, clearance)
+    limits = world.model.tree.speed_limits, acceleration_limits(spec, world.model.n)
+    for extra in EXTRA:
+        edges, random = Edges(world, spec.margin + extra), np.random.default_rng(seed)
+        corners = _connect(edges, nominal.start, nominal.goal, iterations, random)
+        if corners is None:
+            return None
+        corners = _shortened(edges, corners, random)
+        path = timed(corners, nominal, spec, *limits)
+        clearance = certified(world, path, spec.margin + EXTRA[0])
+        if clearance.at_least >= spec.margin - SLACK:
+            length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(corners))
+            return Attempt(path, "rrt_connect", length, clearance)
+    return None
 
 
 def _connect(
@@ -173,26 +175,28 @@ def _shortened(edges: Edges, corners: list[Array], random: np.random.Generator) 
         b = corners[j] + random.random() * (corners[j + 1] - corners[j])
         if edges.clear(a, b):
             corners = [*corners[: i + 1], a, b, *corners[j + 1 :]]
-    return _without_repeats(corners)
+    return _without_needless(edges, corners)
 
 
-def _without_repeats(corners: list[Array]) -> list[Array]:
-    kept = [corners[0]]
-    for q in corners[1:]:
-        if np.abs(q - kept[-1]).max() > 1e-9:
-            kept.append(q)
+def _without_needless(edges: Edges, corners: list[Array]) -> list[Array]:
+    """Without the corners between which and their neighbours the straight way is clear as well."""
+    kept, i = [corners[0]], 0
+    while i < len(corners) - 1:
+        clear = (j for j in range(len(corners) - 1, i + 1, -1) if edges.clear(corners[i], corners[j]))
+        i = next(clear, i + 1)
+        kept.append(corners[i])
     return kept
 
 
-def _timed(corners: list[Array], nominal: JointPath, spec: PlanRun, speeds: Array) -> ChainedPath:
+def timed(
+    corners: list[Array], nominal: JointPath, spec: PlanRun, speeds: Array, accelerations: Array
+) -> ChainedPath:
     """The time law from corner to corner, as fast as the joints may, and slower where more time is asked for."""
-    none = np.full(len(speeds), np.inf)
-    law = spec.law
-    shortest = [fastest(a, b, speeds, none, law) for a, b in pairwise(corners)]
+    shortest = [max(fastest(a, b, speeds, accelerations, spec.law), 1e-6) for a, b in pairwise(corners)]
     total = sum(shortest) * (1 + 1e-9)
     scale = max(1.0, (nominal.duration if spec.duration != "fastest" else 0.0) / total) * (1 + 1e-9)
     parts = [
-        JointPath(a, b - a, max(seconds * scale, 1e-6), law)
+        JointPath(a, b - a, seconds * scale, spec.law)
         for a, b, seconds in zip(corners[:-1], corners[1:], shortest, strict=True)
     ]
     return ChainedPath(tuple(parts))

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from fzcli.model.collision import NUMBERS, ObstacleKind, obstacle_numbers
 from fzcli.spec.base import SpecModel
 from fzcli.spec.shapes import BoxShape, CapsuleShape, Point, Shape
-from fzcli.spec.units import AngularSpeed, Duration, Speed
+from fzcli.spec.units import AngularSpeed, Duration, Length, Speed
 
 Array = NDArray[np.float64]
 STILL = (0.0, 0.0, 0.0)
@@ -42,12 +42,29 @@ class Obstacle(Shape):
         Field(description="angular velocity about its middle, world axes"),
     ] = STILL
     waypoints: Waypoints | None = None
+    seen_at_step: Annotated[
+        int | None, Field(ge=0, description="not known before; seen from this step of the path on, by `fzcli simulate`")
+    ] = None
+    seen_within: Annotated[
+        Length | None, Field(gt=0, description="not known before; seen when the arm is nearer, by `fzcli simulate`")
+    ] = None
+
+    @model_validator(mode="after")
+    def _one_sight(self) -> Self:
+        if self.seen_at_step is not None and self.seen_within is not None:
+            raise ValueError("give seen_at_step or seen_within, not both")
+        return self
 
     @model_validator(mode="after")
     def _one_motion(self) -> Self:
         if self.waypoints is not None and any(self.velocity):
             raise ValueError("give velocity or waypoints, not both")
         return self
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known from the start, with all of its motion."""
+        return self.seen_at_step is None and self.seen_within is None
 
     @property
     def middle(self) -> Array:
@@ -150,6 +167,12 @@ class Scene:
     def names(self) -> tuple[str, ...]:
         """As given, else kind and number."""
         return tuple(one.name or f"{one.kind} {i + 1}" for i, one in enumerate(self.obstacles))
+
+    @property
+    def named(self) -> tuple[Obstacle, ...]:
+        """The obstacles, each with its name."""
+        pairs = zip(self.obstacles, self.names, strict=True)
+        return tuple(one.model_copy(update={"name": name}) for one, name in pairs)
 
     @property
     def moving(self) -> bool:

@@ -15,14 +15,14 @@ def as_rollout(plan: Plan) -> Rollout:
     info = {
         "clearance": Signal("clearance", "m", "smallest distance of all pairs of solids"),
         "qdd": Signal("qdd", "rad/s2 or m/s2", "joint accelerations", plan.joint_names),
-        "arm_points": Signal(
-            "arm_points",
-            "m",
-            "base frame, joints that carry the tip, and tip, world",
-            tuple(f"{name}_{axis}" for name in plan.arm_names for axis in AXIS),
-        ),
+        "straight_tip": Signal("straight_tip", "m", "tip on the straight joint path, world", AXIS),
     }
-    signals = {"clearance": plan.clearance, "qdd": plan.qdd, "arm_points": plan.arm_points}
+    signals = {"clearance": plan.clearance, "qdd": plan.qdd, "straight_tip": plan.straight_tip}
+    for number, (tip, points) in enumerate(plan.arms.items()):
+        key = f"arm_points_{tip}" if number else "arm_points"
+        names = tuple(f"{name}_{axis}" for name in plan.arm_names[tip] for axis in AXIS)
+        info[key] = Signal(key, "m", f"base frame, joints that carry tip {tip}, and that tip, world", names)
+        signals[key] = points
     for name, middle in plan.obstacles.items():
         key = "obstacle_" + "".join(c if c.isalnum() else "_" for c in name)
         info[key] = Signal(key, "m", f"middle of {name}, world", AXIS)

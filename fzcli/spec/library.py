@@ -20,9 +20,9 @@ _SUFFIXES: dict[Folder, tuple[str, ...]] = {
 _COPIED = (".yaml", ".yml", ".urdf", ".csv")
 _KIND = re.compile(r"^kind: *(\w+)", re.MULTILINE)
 _KINDS_IN: dict[Folder, tuple[str, ...]] = {
-    "robots": ("robot",),
+    "robots": ("robot", "planar_3rrr"),
     "rulebases": ("rulebase",),
-    "runs": ("simulate", "sweep"),
+    "runs": ("simulate", "sweep", "plan", "train"),
 }
 _KINDS = tuple(kind for kinds in _KINDS_IN.values() for kind in kinds)
 _NOUNS: dict[Folder, str] = {"robots": "robot", "rulebases": "rule base", "runs": "run"}
@@ -103,7 +103,11 @@ def init(directory: Path | str, schemas: Mapping[str, Mapping[str, Any]] | None 
         for item in sorted((shipped_root() / folder).glob("*")):
             if item.is_file() and item.suffix in _COPIED:
                 contents[target / folder / item.name] = item.read_bytes()
-    own = {"robot": json_schema("robot"), "rulebase": json_schema("rulebase")}
+    own = {
+        "robot": json_schema("robot"),
+        "planar_3rrr": json_schema("planar_3rrr"),
+        "rulebase": json_schema("rulebase"),
+    }
     for kind, schema in {**own, **(schemas or {})}.items():
         contents[target / "schemas" / f"{kind}.json"] = schema_text(schema).encode()
     present = [str(path) for path in contents if path.exists()]

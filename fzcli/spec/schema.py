@@ -5,6 +5,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 
+from fzcli.spec.planar import Planar3RRR
 from fzcli.spec.robot_file import DhRobotFile, RobotFile, UrdfRobotFile
 from fzcli.spec.rulebase_file import RulebaseFile
 
@@ -18,8 +19,10 @@ def schema_of(model: Any, title: str) -> dict[str, Any]:
     return {"$schema": _DIALECT, "title": title, **schema}
 
 
-def json_schema(kind: Literal["robot", "rulebase"]) -> dict[str, Any]:
-    """The JSON Schema of robot or rule base files."""
+def json_schema(kind: Literal["robot", "planar_3rrr", "rulebase"]) -> dict[str, Any]:
+    """The JSON Schema of files of robots (of either kind) or rule bases."""
     if kind == "robot":
         return schema_of(RobotFile | DhRobotFile | UrdfRobotFile, "fzcli robot")
+    if kind == "planar_3rrr":
+        return schema_of(Planar3RRR, "fzcli planar 3-RRR")
     return schema_of(RulebaseFile, "fzcli rule base")

@@ -15,17 +15,22 @@ from fzcli.loop.rollout import Rollout
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.simulate import provenance, rollouts
 from fzcli.loop.verdict import BOUNDED, JUDGED, OUTCOME, outcomes, status_codes
+from fzcli.record.hdf5 import Precision
 from fzcli.record.sweep_file import write_sweep
 from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table import check_names
 from fzcli.record.table_spec import TableSpec
+from fzcli.spec.document import Document
 from fzcli.spec.library import find, shipped_root
 from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.reader import read
 from fzcli.spec.result import Provenance
+from fzcli.spec.sets import apply_sets
 from fzcli.spec.units import unit_at
 from fzcli.sweep.builds import Build, Builds, Rows, rows_of, split
+from fzcli.sweep.plan_runs import run_plans
+from fzcli.sweep.plan_sweep import PlanSweep, resolve_plans
 from fzcli.sweep.resolve import Sweep, resolve
 from fzcli.sweep.sweep_spec import Condition
 from fzcli.sweep.trajectories import Drawing, draw_trajectories
@@ -35,12 +40,19 @@ Tell = Callable[[str, int, int], None]
 ROLES = ("best", "median", "worst")
 
 
-def load_sweep(run: str | Path, sets: Sequence[str] = ()) -> Sweep:
+def load_sweep(run: str | Path, sets: Sequence[str] = ()) -> Sweep | PlanSweep:
     """A sweep by path or name, resolved. Raises SpecError with every problem found."""
-    return resolve(read(run if isinstance(run, Path) or run == "-" else find("runs", run)), sets)
+    return resolve_any(read(run if isinstance(run, Path) or run == "-" else find("runs", run)), sets)
 
 
-def table_spec(sweep: Sweep) -> TableSpec | None:
+def resolve_any(document: Document, sets: Sequence[str] = ()) -> Sweep | PlanSweep:
+    """A sweep of simulations or of plans, as its file says. Raises SpecError with every problem found."""
+    document = apply_sets(document, sets) if sets else document
+    plans = isinstance(document.value, dict) and document.value.get("run") == "plan"
+    return resolve_plans(document) if plans else resolve(document)
+
+
+def table_spec(sweep: Sweep | PlanSweep) -> TableSpec | None:
     """How the sweep asks to be tabulated; published numbers are sought beside its file, then shipped."""
     if sweep.file.table is None:
         return None
@@ -48,18 +60,23 @@ def table_spec(sweep: Sweep) -> TableSpec | None:
     return TableSpec.of(sweep.file.table, (*folders, shipped_root() / "runs"))
 
 
-def save_sweep(sweep: Sweep, record: SweepRecord, path: str | Path) -> None:
+def save_sweep(sweep: Sweep | PlanSweep, record: SweepRecord, path: str | Path) -> None:
     """Write the record of a sweep, with its table section inside."""
-    write_sweep(record, path, sweep.specs[0].record.precision, table_spec(sweep))
+    precision: Precision = "f8" if isinstance(sweep, PlanSweep) else sweep.specs[0].record.precision
+    write_sweep(record, path, precision, table_spec(sweep))
 
 
-def run_sweep(sweep: Sweep, jobs: int | None = None, tell: Tell | None = None, argv: Sequence[str] = ()) -> SweepRecord:
+def run_sweep(
+    sweep: Sweep | PlanSweep, jobs: int | None = None, tell: Tell | None = None, argv: Sequence[str] = ()
+) -> SweepRecord:
     """Run all configurations on all trajectories; the result does not depend on ``jobs``.
 
     ``tell(what, done, total)`` reports progress. Raises FilterError when a filtered draw finds nothing.
     """
     jobs = jobs or os.cpu_count() or 1
     tell = tell or _silent
+    if isinstance(sweep, PlanSweep):
+        return run_plans(sweep, table_spec(sweep), jobs, tell, argv)
     builds = Builds()
     for spec in [*sweep.specs, *([sweep.filter] if sweep.filter else [])]:
         _check_rank(spec, builds.of(spec))
@@ -265,7 +282,7 @@ def _chosen(sweep: Sweep, metrics: dict[str, NDArray[Any]]) -> dict[int, str]:
     return chosen
 
 
-def unexpected_failures(sweep: Sweep, record: SweepRecord) -> int:
+def unexpected_failures(sweep: Sweep | PlanSweep, record: SweepRecord) -> int:
     """Failed runs of configurations that were not expected to fail."""
     expected = sweep.file.expect_failures
     if expected is True:

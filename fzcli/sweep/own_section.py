@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from fzcli.errors import SpecError
 from fzcli.loop.run_spec import SimulateRun
+from fzcli.spec.base import SpecModel
 from fzcli.spec.document import Document, Node
 from fzcli.spec.nearest import hint
 from fzcli.spec.overlay import without
@@ -19,10 +20,10 @@ class OwnSection:
     keep_if_changes: dict[str, Node] | None
 
 
-def own_section(document: Document) -> OwnSection:
-    """The sweep's own fields; the run's fields are checked configuration by configuration."""
+def own_section(document: Document, run: type[SpecModel] = SimulateRun) -> OwnSection:
+    """The sweep's own fields; those of ``run`` are checked configuration by configuration."""
     value = document.value
-    run_keys = set(SimulateRun.model_fields) - {"kind", "about", "compare"}
+    run_keys = set(run.model_fields) - {"kind", "about", "compare"}
     known = run_keys | set(OWN_KEYS) | {"kind", "about"}
     problems = [
         document.problem(f"unknown key{hint(key, known)}", (key,), at_key=True) for key in value if key not in known
@@ -31,6 +32,8 @@ def own_section(document: Document) -> OwnSection:
         file = parse(without(document, run_keys | (set(value) - known)), SweepFile)
     except SpecError as error:
         raise SpecError([*problems, *error.problems]) from None
+    if file.scenes is not None and file.run != "plan":
+        problems.append(document.problem("are for plans; write run: plan", ("scenes",), at_key=True))
     if problems:
         raise SpecError(problems)
     keep_if = file.trajectories.keep_if

@@ -1,9 +1,9 @@
 """From a sweep file to its configurations: every one a complete, validated run spec."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from fzcli.control.registry import controllers
 from fzcli.errors import Problem, SpecError
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.simulate import fitted, run_of
+from fzcli.spec.base import SpecModel
 from fzcli.spec.document import Document, Node
 from fzcli.spec.load import check_kind
 from fzcli.spec.overlay import overlaid, without
@@ -21,6 +22,7 @@ from fzcli.sweep.own_section import OwnSection, entries, own_section
 from fzcli.sweep.sweep_spec import OWN_KEYS, Draw, SweepFile
 
 Array = NDArray[np.float64]
+Run = TypeVar("Run", bound=SpecModel)
 NOT_DRAWN = ("kind", "about", "bounds", "record", "compare", "method")  # they belong to a configuration
 
 
@@ -65,34 +67,34 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     own = own_section(document)
     base = overlaid(without(document, OWN_KEYS), {"kind": "simulate"})
     check_one_source(document, own)
-    configurations = _configurations(document, own)
+    configurations = configurations_of(document, own)
     kinds = _kinds(base, [*configurations, own.keep_if_changes])
     check_controller_keys(base, kinds)
     check_changed_keys(document, own, kinds)
     check_expected(document, own, configurations)
-    low = _sample(document, own, 0)
+    low = sample_of(document, own, 0)
     specs: list[SimulateRun] = []
     problems: list[Problem] = []
     for configuration in configurations:
         try:
-            specs.append(run_of(fitted(overlaid(base, {**low, **configuration}))))
+            specs.append(_run(overlaid(base, {**low, **configuration})))
         except SpecError as error:
             problems += [problem for problem in error.problems if problem not in problems]
     if problems:
         raise SpecError(problems)
-    changes = [{path: _plain(value) for path, value in entry.items()} for entry in configurations]
+    changes = [{path: plain(value) for path, value in entry.items()} for entry in configurations]
     draws = tuple(
         one
         for path in sorted(own.file.trajectories.draw)
-        for one in _draws(document, own, base, path, *_first_with(path, configurations, specs))
+        for one in draws_of(document, own, base, path, *first_with(path, configurations, specs), _run)
     )
     keep = None
     if own.keep_if_changes is not None:
-        keep = run_of(fitted(overlaid(base, {**low, **own.keep_if_changes})))
+        keep = _run(overlaid(base, {**low, **own.keep_if_changes}))
     return Sweep(own.file, document, changes, specs, draws, keep)
 
 
-def _configurations(document: Document, own: OwnSection) -> list[dict[str, Node]]:
+def configurations_of(document: Document, own: OwnSection) -> list[dict[str, Node]]:
     """All combinations of the grid, each with every entry of the list."""
     axes = []
     for path in own.file.grid:
@@ -112,7 +114,7 @@ def _kinds(base: Document, configurations: Sequence[Mapping[str, Node] | None]) 
     return {kind for kind in kinds if kind in controllers()}
 
 
-def _sample(document: Document, own: OwnSection, which: int) -> dict[str, Node]:
+def sample_of(document: Document, own: OwnSection, which: int) -> dict[str, Node]:
     """A value for every drawn field, out of its distribution's own numbers: entry ``which``."""
     found: dict[str, Node] = {}
     for path, draw in own.file.trajectories.draw.items():
@@ -125,9 +127,13 @@ def _sample(document: Document, own: OwnSection, which: int) -> dict[str, Node]:
     return found
 
 
-def _first_with(
-    path: str, configurations: list[dict[str, Node]], specs: list[SimulateRun]
-) -> tuple[dict[str, Node], SimulateRun]:
+def _run(document: Document) -> SimulateRun:
+    return run_of(fitted(document))
+
+
+def first_with(
+    path: str, configurations: list[dict[str, Node]], specs: Sequence[Run]
+) -> tuple[dict[str, Node], Run]:
     """The first configuration that has the field, else the first of all."""
     for changes, spec in zip(configurations, specs, strict=True):
         try:
@@ -138,8 +144,14 @@ def _first_with(
     return configurations[0], specs[0]
 
 
-def _draws(
-    document: Document, own: OwnSection, base: Document, path: str, first: dict[str, Node], low_spec: SimulateRun
+def draws_of(
+    document: Document,
+    own: OwnSection,
+    base: Document,
+    path: str,
+    first: dict[str, Node],
+    low_spec: Run,
+    make: Callable[[Document], Run],
 ) -> tuple[Drawn, ...]:
     """Numbers of the distributions in SI, taken from specs in which they stand as the field's value."""
     draws = own.file.trajectories.draw
@@ -147,13 +159,13 @@ def _draws(
     most = len(numbers) if isinstance(numbers, list) else 1
     specs = [low_spec]
     for which in range(1, most):
-        specs.append(run_of(fitted(overlaid(base, {**_sample(document, own, which), **first}))))
+        specs.append(make(overlaid(base, {**sample_of(document, own, which), **first})))
     return (_drawn(document, path, draws[path], specs),)
 
 
-def _drawn(document: Document, path: str, draw: Draw, specs: list[SimulateRun]) -> Drawn:
+def _drawn(document: Document, path: str, draw: Draw, specs: Sequence[SpecModel]) -> Drawn:
     count = len(draw.numbers) if isinstance(draw.numbers, list) else 1
-    if path.partition(".")[0] in NOT_DRAWN or path.rpartition(".")[2].isdecimal():
+    if path.partition(".")[0] in NOT_DRAWN or any(part.isdecimal() for part in path.split(".")):
         text = "cannot be drawn; draw fields of start, reference, controller or step, lists as a whole"
         raise SpecError(document.problem(text, ("trajectories", "draw", path), at_key=True))
     try:
@@ -181,11 +193,11 @@ def _shown(values: Array) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def _plain(value: Node) -> Any:
+def plain(value: Node) -> Any:
     return value.value
 
 
-def with_values(spec: SimulateRun, drawn: Mapping[str, Array]) -> SimulateRun:
+def with_values(spec: Run, drawn: Mapping[str, Array]) -> Run:
     """A run spec with drawn numbers put in, for the record of a single run."""
     for path, values in drawn.items():
         spec = _put(spec, path.split("."), values)

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from fzcli.spec.base import SpecModel
 from fzcli.spec.nearest import hint
+from fzcli.sweep.scenes import SceneDraw
 
 _CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
@@ -108,11 +109,15 @@ class TableSection(SpecModel):
 
 
 class SweepFile(SpecModel):
-    """The fields that make a run file a sweep; all others are those of ``kind: simulate``."""
+    """The fields that make a run file a sweep; all others are those of the kind that ``run`` names."""
 
     kind: Literal["sweep"] = "sweep"
+    run: Annotated[Literal["simulate", "plan"], Field(description="what every run is")] = "simulate"
     about: str = ""
     trajectories: Trajectories = Trajectories(count=1, draw={})
+    scenes: Annotated[
+        SceneDraw | None, Field(description="of plans: a random start, goal and obstacles for each trajectory")
+    ] = None
     grid: Annotated[
         dict[str, Annotated[list[Any], Field(min_length=1)]],
         Field(default_factory=dict, description="field -> values; all combinations"),
@@ -127,4 +132,4 @@ class SweepFile(SpecModel):
     ] = False
 
 
-OWN_KEYS = ("trajectories", "grid", "list", "table", "expect_failures")
+OWN_KEYS = ("run", "scenes", "trajectories", "grid", "list", "table", "expect_failures")

@@ -12,6 +12,9 @@ from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table import build_table
 from fzcli.view.arm_plot import configurations_figure, tip_path_figure
 from fzcli.view.joint_plot import joints_figure
+from fzcli.view.plan_path_plot import path_figure
+from fzcli.view.plan_plot import clearance_figure, joints_over_time_figure
+from fzcli.view.planned import is_plan, nearest
 from fzcli.view.reach_plot import reach_figure
 from fzcli.view.rollout_plot import plot_comparison, rollout_figure
 from fzcli.view.style import output_path, save
@@ -20,14 +23,16 @@ from fzcli.view.target import has_target, spec_section
 
 SWEEP_FIGURES = ("table", "comparison", "runs")
 TARGET_FIGURES = ("configurations", "tip_path", "joints", "reach")
-RUN_FIGURES = ("run", "comparison", *TARGET_FIGURES)
+PLAN_FIGURES = ("joints_over_time", "path", "clearance")
+RUN_FIGURES = ("run", "comparison", *TARGET_FIGURES, *PLAN_FIGURES)
 
 
 def plot(path: Path | str, out: Path | str | None = None, what: str | None = None) -> list[Path]:
     """Draws a result file; gives the paths of the figures, png unless ``out`` has another suffix.
 
     A run: without ``what`` those with a target are drawn as "configurations", "tip_path", "joints" and
-    "reach", others as "comparison" (yaw and gains of all) where they have variants, else as "run". A sweep:
+    "reach", plans as "joints_over_time", "path" and (where anything can come near) "clearance", others as
+    "comparison" (yaw and gains of all) where they have variants, else as "run". A sweep:
     "table" (needs a table section), "comparison" (kept runs of one trajectory), "runs" (each kept run);
     without ``what`` the first two where they apply, the last where neither does. ``out`` is a file (one
     figure) or a folder; None is beside ``path``.
@@ -56,6 +61,8 @@ def _run_figures(path: Path, what: str | None) -> list[tuple[str, Any]]:
         tags: tuple[str, ...] = (what,)
     elif has_target(rollout):
         tags = TARGET_FIGURES
+    elif is_plan(rollout):
+        tags = PLAN_FIGURES if nearest(rollout) is not None else PLAN_FIGURES[:-1]
     else:
         tags = ("comparison" if rollout.variants else "run",)
     try:
@@ -77,6 +84,9 @@ def _run_figure(rollout: Rollout, what: str, title: str) -> Any:
         "configurations": configurations_figure,
         "tip_path": tip_path_figure,
         "joints": joints_figure,
+        "joints_over_time": joints_over_time_figure,
+        "path": path_figure,
+        "clearance": clearance_figure,
     }
     return draw[what](rollout, title)
 

@@ -50,13 +50,13 @@ def best_view(points: Array, arrow: Array | None = None) -> View:
 class Scene:
     """A figure of one 3-D plot in metres, the same scale along x, y and z, with room for points (N, 3).
 
-    An arrow (3,) is a direction that must be seen.
+    An arrow (3,) is a direction that must be seen. Without a ``view`` the best is taken.
     """
 
-    def __init__(self, points: Array, arrow: Array | None = None) -> None:
+    def __init__(self, points: Array, arrow: Array | None = None, view: View | None = None) -> None:
         from matplotlib.figure import Figure
 
-        self.view = best_view(points, arrow)
+        self.view = view or best_view(points, arrow)
         self.figure: Figure = Figure(figsize=(6.0, 6.0))
         self.axes: Any = self.figure.add_axes((0, 0, 1, 1), projection="3d", computed_zorder=False)
         low, high = np.min(points, axis=0), np.max(points, axis=0)

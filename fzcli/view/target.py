@@ -1,6 +1,7 @@
 """What a run's record says about its target: signals by name, tolerances, drives after a restart, the outcome."""
 
 from textwrap import wrap
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +30,18 @@ def signal(run: Rollout, name: str, figure: str) -> Array:
     return np.asarray(run.signals[name], dtype=np.float64)
 
 
-def spec_section(run: Rollout, name: str) -> dict[str, object]:
-    """A section of the run's own specification; empty where it has none, or cannot be read."""
+def specification(run: Rollout) -> dict[str, Any]:
+    """The run's own specification; empty where it has none, or cannot be read."""
     try:
         value = read_text(run.provenance.spec_text).value
     except FzcliError:
         return {}
-    section = value.get(name) if isinstance(value, dict) else None
+    return value if isinstance(value, dict) else {}
+
+
+def spec_section(run: Rollout, name: str) -> dict[str, Any]:
+    """A section of the run's own specification; empty where it has none."""
+    section = specification(run).get(name)
     return dict(section) if isinstance(section, dict) else {}
 
 

@@ -18,6 +18,7 @@ OPTIONS = {
     "simulate": {"--set", "--output", "--format", "--quiet"},
     "sweep": {"--set", "--jobs", "--output", "--format", "--dry-run", "--quiet"},
     "plan": {"--set", "--output", "--format", "--quiet"},
+    "train": {"--set", "--output", "--format", "--quiet"},
     "table": {"--format"},
     "find": {"--config", "--that", "--by", "--lowest", "--most", "--format"},
     "get": {"--format", "--output"},
@@ -76,7 +77,7 @@ def test_schemas_refuse(kind: str, change: dict[str, Any]) -> None:
     assert not validator.is_valid({**value, **change})
 
 
-@pytest.mark.parametrize("kind", ["simulate", "sweep", "plan"])
+@pytest.mark.parametrize("kind", ["simulate", "sweep", "plan", "train", "planar_3rrr"])
 def test_schemas_name_only_what_they_define(kind: str) -> None:
     schema = all_schemas()[kind]
     Draft202012Validator.check_schema(schema)
@@ -85,7 +86,7 @@ def test_schemas_name_only_what_they_define(kind: str) -> None:
         assert name in schema["$defs"]
 
 
-@pytest.mark.parametrize("kind", ["simulate", "sweep", "plan"])
+@pytest.mark.parametrize("kind", ["simulate", "sweep", "plan", "train", "planar_3rrr"])
 def test_schema_files_in_the_tree_are_current(kind: str) -> None:
     def outline(schema: Any) -> Any:
         """Without what another version of pydantic may word differently."""

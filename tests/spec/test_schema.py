@@ -10,7 +10,7 @@ from fzcli.spec.library import schema_text, shipped_root
 from fzcli.spec.reader import read
 from fzcli.spec.schema import json_schema
 
-KINDS = ("robot", "rulebase")
+KINDS = ("robot", "planar_3rrr", "rulebase")
 
 
 def outline(schema: Any) -> Any:
@@ -38,10 +38,11 @@ def test_schemas_take_the_shipped_files_and_refuse_unknown_keys(kind: str) -> No
     schema = json_schema(kind)  # type: ignore[arg-type]
     Draft202012Validator.check_schema(schema)
     validator = Draft202012Validator(schema)
-    files = sorted((shipped_root() / f"{kind}s").glob("*.yaml"))
-    assert files
-    for file in files:
-        document = read(file)
+    folder = "rulebases" if kind == "rulebase" else "robots"
+    documents = [read(file) for file in sorted((shipped_root() / folder).glob("*.yaml"))]
+    documents = [document for document in documents if document.value["kind"] == kind]
+    assert documents
+    for document in documents:
         assert document.text.startswith(f"# yaml-language-server: $schema=../schemas/{kind}.json\n")
         assert list(validator.iter_errors(document.value)) == []
         assert not validator.is_valid({**document.value, "mistake": 1})
