@@ -49,8 +49,8 @@ def sweep(
 ) -> None:
     """Run a sweep and print its table.
 
-    Every configuration runs on every trajectory; the result goes to an HDF5 file. Ends with 1 when
-    runs failed that the file does not expect to fail.
+    Every configuration runs on every trajectory; runs are simulations or, by `run: plan`, plans. The result goes
+    to an HDF5 file. Ends with 1 when runs failed that the file does not expect to fail.
     """
     from fzcli.cli.progress import Progress
     from fzcli.cli.sources import run_source

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.control.law import NOT_FOUND
+from fzcli.loop.adaptive import AdaptiveMachine
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.compiler import find_compiler
 from fzcli.loop.engine import Batch, CompiledEngine, Engine, Resume, VirtualMachine
@@ -125,8 +126,12 @@ def _joined(pieces: list[Batch], n_steps: NDArray[np.int64]) -> Batch:
 
 
 def make_engine(loop: ClosedLoop, lanes: int | None = None) -> Engine:
-    """The compiled engine where there is a C compiler, else the virtual machine; with its law's search."""
-    engine, searcher = _plain_engine(loop, lanes), searcher_of(loop)
+    """The compiled engine where there is a C compiler, else the virtual machine; with its law's search.
+
+    A loop with the adaptive integrator runs in the virtual machine.
+    """
+    engine: Engine = _plain_engine(loop, lanes) if loop.adaptive is None else AdaptiveMachine(loop, loop.adaptive)
+    searcher = searcher_of(loop)
     return engine if searcher is None else SearchingEngine(engine, searcher)
 
 

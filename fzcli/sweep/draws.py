@@ -12,14 +12,21 @@ from fzcli.sweep.resolve import Drawn
 Array = NDArray[np.float64]
 
 
-def generator(seed: int, index: int) -> np.random.Generator:
-    """The random numbers of trajectory ``index``: SeedSequence((seed, index))."""
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+APART = "replay."  # fields with a stream of their own: the trajectories are those of a sweep without them
 
 
-def candidate(draws: Sequence[Drawn], random: np.random.Generator) -> Array:
-    """One drawn vector: the fields in the order of their paths, one after the other."""
-    return np.concatenate([_draw(one, random) for one in draws]) if draws else np.zeros(0)
+def generator(seed: int, index: int, *stream: int) -> np.random.Generator:
+    """The random numbers of trajectory ``index``: SeedSequence((seed, index)), or those of another ``stream``."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index, *stream))))
+
+
+def candidate(
+    draws: Sequence[Drawn], random: np.random.Generator, apart: np.random.Generator | None = None
+) -> Array:
+    """One drawn vector: the fields in the order of their paths, one after the other; ``apart``: the stream of some."""
+    streams = [apart if apart is not None and one.path.startswith(APART) else random for one in draws]
+    drawn = [_draw(one, stream) for one, stream in zip(draws, streams, strict=True)]
+    return np.concatenate(drawn) if drawn else np.zeros(0)
 
 
 def _between(low: float, high: float, share: float) -> float:

@@ -39,12 +39,12 @@ def draw_trajectories(
     """
     plan = sweep.file.trajectories
     indices = range(plan.first, plan.first + plan.count)
-    generators = [generator(plan.seed, index) for index in indices]
+    generators = [(generator(plan.seed, index), generator(plan.seed, index, 1)) for index in indices]
     width = sum(one.size for one in sweep.draws)
     values = np.zeros((plan.count, width))
     if sweep.filter is None or plan.keep_if is None:
-        for i, random in enumerate(generators):
-            values[i] = candidate(sweep.draws, random)
+        for i, streams in enumerate(generators):
+            values[i] = candidate(sweep.draws, *streams)
             _check(sweep, values[i], indices[i])
         return Drawing(values, plan.count)
     conditions = [Condition.of(text) for text in plan.keep_if.that]
@@ -52,7 +52,7 @@ def draw_trajectories(
     tried = 0
     for _ in range(plan.keep_if.most):
         for place in waiting:
-            values[place] = candidate(sweep.draws, generators[place])
+            values[place] = candidate(sweep.draws, *generators[place])
             _check(sweep, values[place], indices[int(place)])
         tried += len(waiting)
         passed = _pass(sweep, builds, values[waiting], conditions, jobs)
