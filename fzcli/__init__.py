@@ -128,10 +128,15 @@ def plan(
     A plan that touches something (only the paper's procedure makes such) is returned as failed and not written.
     Raises SpecError for bad input, NoPlanError where no path is found.
     """
-    from fzcli.plan.load import load_plan, make_plan
+    from fzcli.loop.plan_replay import replay_of
+    from fzcli.loop.simulate import read_run
+    from fzcli.plan.load import make_plan, task_of, with_sets
     from fzcli.record.plan_file import write_plan
 
-    found = make_plan(load_plan(run, sets), argv)
+    document = with_sets(read_run(run), sets)
+    task = task_of(document)
+    replay_of(document, task)  # `simulate` alone uses it; what is wrong with it is told here, too
+    found = make_plan(task, argv)
     if output is not None and found.status.name != "failed":
         write_plan(found, output)
     return found

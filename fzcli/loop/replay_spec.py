@@ -30,6 +30,13 @@ class ErrorsSpec(SpecModel):
     ] = 1.0
     inertias: Annotated[_Share | tuple[_Share, ...], Field(description="the same, of inertias about the CoM")] = 1.0
 
+    @model_validator(mode="after")
+    def _shares_of_something(self) -> "ErrorsSpec":
+        given = [name for name in ("masses", "inertias") if name in self.model_fields_set]
+        if given and "each" not in self.model_fields_set:
+            raise ValueError(f"{given[0]} are shares of 'each', which is missing")
+        return self
+
 
 class GraspSpec(SpecModel):
     """A rigid payload that the tip seizes: an inelastic impact, momentum conserved."""
@@ -62,6 +69,14 @@ class WrenchSpec(SpecModel):
     begin: Annotated[Duration, Field(ge=0)] = 0.0
     end: Annotated[Duration | None, Field(gt=0, description="none: as long as the run")] = None
 
+    @model_validator(mode="after")
+    def _acts(self) -> "WrenchSpec":
+        if self.end is not None and self.end <= self.begin:
+            raise ValueError(f"ends at {self.end:g} s, not after its begin at {self.begin:g} s")
+        if not any((*self.force, *self.moment)):
+            raise ValueError("has neither a force nor a moment")
+        return self
+
 
 class AttitudeSpec(SpecModel):
     """Attitude control of the base: moment = I (frequency^2 error + 2 damping frequency rate), I of the whole robot."""
@@ -78,9 +93,10 @@ class AttitudeSpec(SpecModel):
 def _once(value: Any) -> Any:
     """One payload, though a list is understood. Raises ValueError for a second one."""
     if isinstance(value, list | tuple):
-        times = [one.get("at") if isinstance(one, dict) else None for one in value]
         if len(value) > 1:
-            raise ValueError(f"a payload is grasped twice, at {times[0]} and at {times[1]}; a tip holds one")
+            times = [f"at {one['at']}" for one in value[:2] if isinstance(one, dict) and "at" in one]
+            when = f", {' and '.join(times)}" if times else ""
+            raise ValueError(f"a payload is grasped twice{when}; a tip holds one")
         return value[0] if value else None
     return value
 

@@ -20,7 +20,7 @@ from fzcli.loop.torque_parts import Motion, TorqueParts, TorqueVectors
 from fzcli.loop.torque_plant import torque_plant
 from fzcli.loop.torque_start import initial_of
 from fzcli.loop.torque_step import begin, control_of, end_of, integration, turn_of
-from fzcli.model.free_motion import ATTITUDE
+from fzcli.model.free_motion import ATTITUDE, rate_names
 from fzcli.model.integrators import dormand_prince
 from fzcli.spec.quantity import Metric, Signal
 
@@ -106,8 +106,9 @@ def _adaptive(parts: TorqueParts) -> AdaptiveStep | None:
     """The adaptive integrator, where the replay asks for it."""
     if parts.spec.integrator != "dormand_prince":
         return None
-    tolerance = parts.spec.tolerance
-    return AdaptiveStep(dormand_prince(parts.plant.rate, ATTITUDE, tolerance, tolerance, INNER_STEPS), parts.h)
+    tolerance, names = parts.spec.tolerance, rate_names(parts.plant.model, parts.plant.inputs, work=True)
+    method = dormand_prince(parts.plant.rate, ATTITUDE, tolerance, tolerance, INNER_STEPS, names)
+    return AdaptiveStep(method, parts.h)
 
 
 def _step(

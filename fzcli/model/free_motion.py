@@ -62,6 +62,16 @@ def layout(model: RobotModel, inputs: tuple[str, ...] = TORQUE, work: bool = Fal
     return Layout(place, quat, q, velocity, qd, wheel, done, ends[-1])
 
 
+def rate_names(model: RobotModel, inputs: tuple[str, ...] = TORQUE, work: bool = False) -> tuple[str, ...]:
+    """What each entry of the rate of `momentum_motion` belongs to, in words for messages."""
+    parts: dict[str, tuple[str, ...] | str] = {"CoM": "xyz", "attitude": "xyz", "position of": model.joint_names}
+    parts |= {"linear momentum": "xyz", "angular momentum": "xyz", "speed of": model.joint_names}
+    if "wheel_torque" in inputs:
+        parts["wheel momentum"] = "xyz"
+    named = tuple(f"{part} {name}" for part, names in parts.items() for name in names)
+    return (*named, "work") if work else named
+
+
 def twist_motion(
     model: RobotModel, inputs: tuple[str, ...] = TORQUE, tip: str | None = None, work: bool = False
 ) -> ca.Function:

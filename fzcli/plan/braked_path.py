@@ -57,6 +57,11 @@ class BrakedPath:
         """When it comes to rest for good [s]."""
         return self.stopped + LAW.peak_speed * self.back
 
+    @property
+    def knots(self) -> list[float]:
+        """The path's as they are met [s], and those of the stop and the way back."""
+        return [0.0, self.duration, self.begin, self.stopped, self.rest, *(self.when(knot) for knot in self.path.knots)]
+
     def progress(self, time: Array) -> tuple[Array, Array, Array]:
         """s [s], ds/dt and its rate [1/s] at times (T,)."""
         u = np.clip((time - self.begin) / self.length, 0.0, 1.0)

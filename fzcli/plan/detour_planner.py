@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from fzcli.plan.continuous import PathClearance
 from fzcli.plan.detour_search import BEST, DetourProblem, WindowProblem, patterns
 from fzcli.plan.joint_path import JointPath
+from fzcli.plan.peaks import peak_times
 from fzcli.plan.window_ride import Window
 from fzcli.plan.world import AnyWorld, Path
 
@@ -17,6 +18,7 @@ SIDE = 3  # steps that a window stands out beyond what is met, on either side
 POLISHES = 4  # times that the margin is raised by what was missed between samples
 CERTIFIED = 1e-4  # m: how sharply the clearance of a plan is certified
 SLACK = 1e-6  # m: by which a margin may be missed
+EXACT = 1e-10  # rad or m: by which limits may be passed, for rounding
 LOOKED_AT = 201  # samples of the nominal path
 
 
@@ -41,7 +43,13 @@ def certified(
 def keeps(world: AnyWorld, path: Path, margin: float) -> PathClearance | None:
     """The certified clearance of a path where it keeps the margin, else None."""
     found = certified(world, path, margin + 10 * CERTIFIED)
-    return found if found.at_least >= margin - SLACK - CERTIFIED and found.clearance >= margin - SLACK else None
+    return found if missing(found, margin) <= SLACK else None
+
+
+def missing(found: PathClearance, margin: float) -> float:
+    """By how much a certified clearance misses a margin [m]; what may lie between samples is granted up to contact."""
+    granted = min(CERTIFIED, max(margin, 0.0))
+    return margin - min(found.at_least + granted, found.clearance)
 
 
 def met_windows(world: AnyWorld, path: Path, margin: float) -> list[Window]:
@@ -115,11 +123,11 @@ def polished(problem: DetourProblem, shape: WindowProblem, x: Array, margin: flo
             return None
         path = problem.path(shape.windows, x)
         past = shape.past_limits(path)
-        if past > 0:
+        if past > EXACT:
             shape.spare_more(2 * past)
             continue
         clearance = certified(problem.world, path, margin + 10 * CERTIFIED, problem.begin)
-        short = margin - min(clearance.at_least + CERTIFIED, clearance.clearance)
+        short = missing(clearance, margin)
         if short <= SLACK:
             return Attempt(path, method, float((shape.weights * x * x).sum()), clearance)
         wanted += 1.2 * short + CERTIFIED
@@ -128,7 +136,7 @@ def polished(problem: DetourProblem, shape: WindowProblem, x: Array, margin: flo
 
 def stretched(path: JointPath, speeds: Array, accelerations: Array) -> JointPath:
     """The same path in as much more time as its fastest joint needs."""
-    _, qd, qdd = path.at(np.linspace(0.0, path.duration, 1001))
+    _, qd, qdd = path.at(peak_times(path))
     ratio = float((np.abs(qd) / speeds).max(initial=0.0))
     ratio = max(ratio, float(np.sqrt((np.abs(qdd) / accelerations).max(initial=0.0))))
     if ratio <= 1.0 + 1e-6:

@@ -8,8 +8,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.plan.half_cycloid import PEAK, PEAK_SPEED, bump, bump_rate, window_phase
+from fzcli.plan.half_cycloid import (
+    PEAK,
+    PEAK_ACCELERATION,
+    PEAK_SPEED,
+    bump,
+    bump_acceleration,
+    bump_rate,
+    window_phase,
+)
 from fzcli.plan.joint_path import Detour, JointPath
+from fzcli.plan.peaks import limit_excess, peak_times
 from fzcli.plan.window_ride import Window as Window
 from fzcli.plan.window_ride import WindowRide, by_peaks
 from fzcli.plan.world import AnyWorld, World
@@ -49,8 +58,8 @@ class Budget:
 class DetourProblem:
     """A nominal path to be led round what it meets. ``weights`` (n) of the squared peaks; ``margin`` [m].
 
-    ``speeds`` (n): joint speed limits to keep, infinite where the path will be stretched. ``begin`` [s]: what lies
-    before it is not looked at. ``budget``: of all searches together; they raise SpentError when it ends.
+    ``speeds``, ``accelerations`` (n): joint limits to keep, infinite where the path will be stretched. ``begin`` [s]:
+    what lies before it is not looked at. ``budget``: of all searches together; they raise SpentError when it ends.
     """
 
     world: AnyWorld
@@ -58,6 +67,7 @@ class DetourProblem:
     weights: Array
     margin: float
     speeds: Array
+    accelerations: Array
     begin: float = 0.0
     budget: Budget = field(default_factory=Budget)
 
@@ -128,11 +138,16 @@ class WindowProblem:
     def past_limits(self, path: JointPath) -> float:
         """By how much smaller the peaks must be [rad or m], about, for a path to keep the joints' limits and speeds."""
         begin, end = min(w[0] for w in self.windows), max(w[1] for w in self.windows)
-        low, high = self.problem.world.model.tree.position_limits.T
-        q, qd, _ = path.at(np.linspace(begin, end, FINE))
-        pace = 2.0 * PEAK_SPEED / min(w[1] - w[0] for w in self.windows)  # fastest of a detour of 1
-        over = max(float((low - q).max()), float((q - high).max()))
-        return max(over, float((np.abs(qd) - self.problem.speeds).max()) / pace, 0.0)
+        problem, narrow = self.problem, min(w[1] - w[0] for w in self.windows)
+        limits = problem.world.model.tree.position_limits
+        states = path.at(peak_times(path, begin, end))
+        over = limit_excess(states, limits, problem.speeds, problem.accelerations)
+        pace, force = 2.0 * PEAK_SPEED / narrow, 8.0 * PEAK_ACCELERATION / narrow**2  # largest of a detour of 1
+        return max(
+            over["joint_limit_excess_max"],
+            over["joint_speed_excess_max"] / pace,
+            over["joint_acceleration_excess_max"] / force,
+        )
 
     def spare_more(self, peaks: float) -> None:
         """Keep all peaks by so much more from what limits and speeds allow at the samples."""
@@ -190,7 +205,10 @@ def _softened(values: Array, slopes: Array, sharpness: float) -> tuple[Array, Ar
 
 @dataclass(frozen=True)
 class LimitRows:
-    """Joint limits and speeds as linear rows ``matrix`` x <= ``most``; ``bounds`` of each x by its own rows alone."""
+    """Joint limits, speeds and accelerations as linear rows ``matrix`` x <= ``most``.
+
+    ``bounds`` of each x by its own rows alone.
+    """
 
     matrix: Array
     most: Array
@@ -212,11 +230,12 @@ def _limit_rows(problem: DetourProblem, windows: tuple[Window, ...], spare: floa
     begin, end = min(w[0] for w in windows), max(w[1] for w in windows)
     count = FINE if len(windows) == 1 else 8 * BLOCKS + 1  # of one window, they only bound each peak
     times = np.linspace(begin, end, count)[1:-1]
-    q, qd, _ = nominal.at(times)
+    q, qd, qdd = nominal.at(times)
     low, high = problem.world.model.tree.position_limits.T
     phases = [window_phase(times, *w) for w in windows]
     places = np.column_stack([bump(u) / PEAK for u, _ in phases])
-    paces = np.column_stack([np.where((u > 0) & (u < 4), bump_rate(u), 0.0) * pace / PEAK for u, pace in phases])
+    paces = np.column_stack([bump_rate(u) * pace / PEAK for u, pace in phases])
+    forces = np.column_stack([bump_acceleration(u) * pace**2 / PEAK for u, pace in phases])
     blocks, most = [], []
     for j in range(n):
         select = np.zeros((1, n))
@@ -224,6 +243,7 @@ def _limit_rows(problem: DetourProblem, windows: tuple[Window, ...], spare: floa
         for shares, now, least, largest in (
             (places, q[:, j], low[j], high[j]),
             (paces, qd[:, j], -problem.speeds[j], problem.speeds[j]),
+            (forces, qdd[:, j], -problem.accelerations[j], problem.accelerations[j]),
         ):
             row = np.einsum("tw,n->twn", shares, select[0]).reshape(len(times), -1)
             if np.isfinite(largest):
@@ -233,7 +253,8 @@ def _limit_rows(problem: DetourProblem, windows: tuple[Window, ...], spare: floa
                 blocks.append(-row)
                 most.append(now - least)
     matrix = np.vstack(blocks) if blocks else np.zeros((0, n * len(windows)))
-    limits = np.concatenate(most) - spare * np.abs(matrix).sum(axis=1) if most else np.zeros(0)
+    room = np.concatenate(most) if most else np.zeros(0)
+    limits = np.maximum(room - spare * np.abs(matrix).sum(axis=1), np.minimum(room, 0.0))  # no detour stays allowed
     return LimitRows(matrix, limits, _own_bounds(matrix, limits))
 
 

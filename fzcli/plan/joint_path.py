@@ -57,6 +57,15 @@ class JointPath:
         """Where it ends, (n)."""
         return self.start + self.travel
 
+    @property
+    def knots(self) -> list[float]:
+        """Times [s] at which one formula follows another: of the law, and of every detour."""
+        found = [phase * self.duration for phase in (0.0, *TIME_LAWS[self.law].corners, 1.0)]
+        for detour in self.detours:
+            middle, half = 0.5 * (detour.begin + detour.end), 0.5 * detour.dwell
+            found += [detour.begin, middle - half, middle + half, detour.end]
+        return found
+
     def at(self, time: Array | Sequence[float] | float) -> tuple[Array, Array, Array]:
         """q, qd, qdd at times (T,), each (T, n)."""
         t = np.atleast_1d(np.asarray(time, dtype=np.float64))

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from fzcli.plan.braked_path import BrakedPath
 from fzcli.plan.continuous import PathClearance
-from fzcli.plan.detour_planner import CERTIFIED, LOOKED_AT, SLACK, certified, polished
+from fzcli.plan.detour_planner import CERTIFIED, SLACK, certified, missing, polished
 from fzcli.plan.detour_search import AMPLITUDES, Budget, DetourProblem, SpentError, WindowProblem, patterns
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.online_spec import AnswerPolicy
+from fzcli.plan.peaks import peak_times
 from fzcli.plan.window_ride import Window
 from fzcli.plan.world import AnyWorld, Path
 
@@ -84,7 +85,7 @@ def respond(situation: Situation, policy: AnswerPolicy = "detour") -> Answer:
     """
     s = situation
     ahead = certified(s.world, s.path, s.margin + 10 * CERTIFIED, s.now)
-    if policy == "none" or _keeps(ahead, s.margin) or s.step + 1 >= s.steps:
+    if policy == "none" or missing(ahead, s.margin) <= SLACK or s.step + 1 >= s.steps:
         return Answer("keep", s.path, ahead.at_least, s.margin, s.steps)
     leading = certified(s.world, s.path, s.margin + 10 * CERTIFIED, s.now, s.begin)
     margin = min(s.margin, leading.at_least - SLACK)  # what is too near before the motion can change, stays so
@@ -112,10 +113,6 @@ def return_steps(step: int, steps: int) -> tuple[int, ...]:
     Seen at step 8 of 20: 20, 16, 14, 12.
     """
     return (steps, *(step + after for after in RETURNS if step + 1 < step + after < steps))
-
-
-def _keeps(found: PathClearance, margin: float) -> bool:
-    return found.at_least >= margin - SLACK - CERTIFIED and found.clearance >= margin - SLACK
 
 
 def _met(found: PathClearance) -> str:
@@ -163,7 +160,8 @@ def _detour(s: Situation, margin: float) -> tuple[Answer | None, str, int]:
 
 
 def _problem(s: Situation, path: JointPath, margin: float, budget: Budget) -> DetourProblem:
-    return DetourProblem(s.world, path, s.weights, margin, s.world.model.tree.speed_limits, s.now, budget)
+    limits = s.world.model.tree.speed_limits, s.accelerations
+    return DetourProblem(s.world, path, s.weights, margin, *limits, s.now, budget)
 
 
 def _starts(s: Situation, path: JointPath, margin: float) -> Iterator[tuple[tuple[Window, ...], Array]]:
@@ -188,7 +186,7 @@ def _starts(s: Situation, path: JointPath, margin: float) -> Iterator[tuple[tupl
 
 def _gentle(s: Situation, path: Path) -> bool:
     """Whether joint accelerations keep their limits from now on."""
-    forces = path.at(np.linspace(s.now, path.duration, LOOKED_AT))[2]
+    forces = path.at(peak_times(path, s.now))[2]
     return bool((np.abs(forces) <= s.accelerations + TOLERANCE).all())
 
 

@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from fzcli.learn.neural_inverse import NeuralIkSpec
 from fzcli.plan.online_spec import ExecutionSpec
-from fzcli.plan.scene import Obstacle
+from fzcli.plan.scene import Obstacle, doubled_names
 from fzcli.plan.time_laws.registry import TimeLawName
 from fzcli.spec.base import SpecModel
 from fzcli.spec.references import RobotReference
@@ -16,6 +16,7 @@ from fzcli.spec.tool import Tool
 from fzcli.spec.units import Angle, Duration, JointAcceleration, JointValue, Length
 
 Point = tuple[Length, Length, Length]
+SHORTEST, LONGEST = 1e-6, 1e5  # s: of a path
 
 
 class PlanStart(SpecModel):
@@ -153,7 +154,7 @@ class PlanFields(SpecModel):
     about: str = ""
     law: TimeLawName = "3-4-5"
     duration: Annotated[
-        Annotated[Duration, Field(gt=0)] | Literal["fastest"],
+        Annotated[Duration, Field(gt=0, ge=SHORTEST, le=LONGEST)] | Literal["fastest"],
         Field(description="of the path; fastest: what joint speeds allow"),
     ] = "fastest"
     accelerations: Annotated[
@@ -162,7 +163,9 @@ class PlanFields(SpecModel):
     stretch: Annotated[
         bool, Field(description="the duration may grow where joint speeds and accelerations ask for it")
     ] = True
-    steps: Annotated[int, Field(ge=4, description="parts of the duration, by which windows are counted")] = 20
+    steps: Annotated[
+        int, Field(ge=4, le=10_000, description="parts of the duration, by which windows are counted")
+    ] = 20
     margin: Annotated[Length, Field(ge=0, description="distance to keep from everything")] = 0.0
     scene: Annotated[tuple[Obstacle, ...], Field(description="what is not to be touched")] = ()
     execution: Annotated[ExecutionSpec, Field(description="how `fzcli simulate` follows the plan")] = ExecutionSpec()
@@ -188,6 +191,15 @@ class PlanRun(PlanFields):
 def acceleration_limits(spec: PlanFields, n: int) -> np.ndarray:
     """Joint acceleration limits (n) [rad/s2 or m/s2], infinite where none is given."""
     return np.full(n, np.inf) if spec.accelerations is None else np.array(spec.accelerations, dtype=np.float64)
+
+
+def common_misfits(spec: PlanFields, planner: SpecModel) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What does not fit in a plan, whatever its robot: names that stand twice, a window beyond the last step."""
+    for name in doubled_names(spec.scene):
+        yield ("scene",), f"two obstacles are called {name!r}"
+    window = getattr(planner, "window", None)
+    if window is not None and window[1] > spec.steps:
+        yield ("planner", "window"), f"ends at step {window[1]}; the path has {spec.steps}"
 
 
 def plan_misfits(spec: PlanRun) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -219,8 +231,6 @@ def plan_misfits(spec: PlanRun) -> Iterator[tuple[tuple[str, ...], str]]:
     for tip in spec.goal.tips:
         if tip not in spec.robot.tips:
             yield ("goal", "tips", tip), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"
-    named = [one.name for one in spec.scene if one.name]
-    for name in {name for name in named if named.count(name) > 1}:
-        yield ("scene",), f"two obstacles are called {name!r}"
+    yield from common_misfits(spec, spec.planner)
     if spec.duration == "fastest" and any(joint.speed is None for joint in joints):
         yield ("duration",), "is needed: not every joint of the robot has a speed limit"

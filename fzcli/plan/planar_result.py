@@ -7,10 +7,11 @@ from fzcli.model.collision import many
 from fzcli.plan.continuous import PathClearance
 from fzcli.plan.detour_planner import CERTIFIED, Attempt
 from fzcli.plan.joint_path import JointPath
+from fzcli.plan.peaks import limit_excess, peak_times
 from fzcli.plan.plan import Plan
 from fzcli.plan.planar_bounds import STILL
 from fzcli.plan.planar_task import PlanarTask
-from fzcli.plan.result import CERTIFICATE, FEWEST, METRICS, SAMPLE, as_plan, kept, knot_jump
+from fzcli.plan.result import CERTIFICATE, METRICS, as_plan, kept, knot_jump, sample_times
 from fzcli.plan.task import AnyTask, Task
 from fzcli.plan.world import Path
 from fzcli.spec.quantity import Signal
@@ -63,15 +64,16 @@ def as_any_plan(task: AnyTask, attempt: Attempt, provenance: Provenance) -> Plan
 
 
 def as_planar_plan(task: PlanarTask, attempt: Attempt, provenance: Provenance) -> Plan:
-    """Sample every 10 ms or less, and measure."""
+    """Sample (`sample_times`), measure and certify."""
     path, world = attempt.path, task.world
-    time = np.linspace(0.0, path.duration, max(FEWEST, int(np.ceil(path.duration / SAMPLE)) + 1))
+    time = sample_times(path)
     q, qd, qdd = path.at(time)
     poses, state = states(task, path, time)
     tip = np.column_stack([poses[:, :2], np.zeros(len(time))])
     distances = world.columns(q, poses, time)[:, : len(world.clearance.scene.pairs)]
-    certificate, found = _certificate(task, attempt, (q, qd, qdd), poses)
-    metrics = _metrics(task, attempt, (q, qd, qdd), tip)
+    peaks = path.at(peak_times(path))
+    certificate, found = _certificate(task, attempt, peaks, q, poses)
+    metrics = _metrics(task, attempt, peaks, q, tip)
     lines = leg_lines(task, state)
     about = {**METRICS, **CERTIFICATE, **OWN}
     return Plan(
@@ -116,8 +118,10 @@ def _straight(task: PlanarTask, path: Path, time: Array) -> Array:
     return np.column_stack([poses[:, :2], np.zeros(len(time))])
 
 
-def _metrics(task: PlanarTask, attempt: Attempt, joints: tuple[Array, Array, Array], tip: Array) -> dict[str, float]:
-    q, qd, qdd = joints
+def _metrics(
+    task: PlanarTask, attempt: Attempt, peaks: tuple[Array, Array, Array], q: Array, tip: Array
+) -> dict[str, float]:
+    _, qd, qdd = peaks
     return {
         "duration": attempt.path.duration,
         "path_length": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()),
@@ -129,11 +133,9 @@ def _metrics(task: PlanarTask, attempt: Attempt, joints: tuple[Array, Array, Arr
 
 
 def _certificate(
-    task: PlanarTask, attempt: Attempt, joints: tuple[Array, Array, Array], poses: Array
+    task: PlanarTask, attempt: Attempt, peaks: tuple[Array, Array, Array], q: Array, poses: Array
 ) -> tuple[dict[str, float], PathClearance]:
-    q, qd, qdd = joints
     scene, singular = task.world.certified_parts(attempt.path, CERTIFIED)
-    low, high = task.world.model.tree.position_limits.T
     closure = many(task.world.body.model.function("closure"), poses, q)[0]
     return {
         "clearance_min": scene.clearance,
@@ -142,9 +144,7 @@ def _certificate(
         "singularity_min": singular.clearance,
         "singularity_at_least": singular.at_least,
         "singularity_time": singular.time,
-        "joint_limit_excess_max": max(0.0, float((low - q).max()), float((q - high).max())),
-        "joint_speed_excess_max": max(0.0, float((np.abs(qd) - task.speeds).max())),
-        "joint_acceleration_excess_max": max(0.0, float((np.abs(qdd) - task.accelerations).max())),
+        **limit_excess(peaks, task.world.model.tree.position_limits, task.speeds, task.accelerations),
         "goal_error_max": _goal_error(task, q[-1], poses[-1]),
         "knot_jump_max": knot_jump(attempt),
         "closure_error_max": float(np.abs(closure).max()),

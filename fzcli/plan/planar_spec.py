@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
 from fzcli.model.planar_3rrr import JOINTS, MODES
-from fzcli.plan.plan_spec import DetourFields, PlanFields, PlanRun
+from fzcli.plan.plan_spec import DetourFields, PlanFields, PlanRun, common_misfits
 from fzcli.plan.scene import Obstacle
 from fzcli.spec.any_robot import load_any_robot
 from fzcli.spec.base import SpecModel
@@ -99,9 +99,7 @@ def planar_misfits(spec: PlanarRun) -> Iterator[tuple[Steps, str]]:
             yield path, "every acceleration must be above 0"
     if spec.duration == "fastest" and drives.speed is None:
         yield ("duration",), "is needed: the robot's drives have no speed limit"
-    named = [one.name for one in spec.scene if one.name]
-    for name in {name for name in named if named.count(name) > 1}:
-        yield ("scene",), f"two obstacles are called {name!r}"
+    yield from common_misfits(spec, spec.planner)
     for i, one in enumerate(spec.scene):
         text = _off_plane(one)
         if text:

@@ -62,13 +62,13 @@ def _tree(planner: DetourPlannerSpec | RrtPlannerSpec, spec: AnyRun, goals: int)
 def _one_detour(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None:
     """The least detour at any speed where it keeps the limits, else the least that does, else the least in more time.
 
-    In a scene that moves, a path in more time would meet other obstacles: there it is the least within the speeds.
+    In a scene that moves, a path in more time would meet other obstacles: there it is the least within the limits.
     """
     window = getattr(spec.planner, "window", None)
-    kept = _problem(world, nominal, spec, world.model.tree.speed_limits)
+    kept = _problem(world, nominal, spec)
     if not _may_stretch(world, spec):
         return one_detour(kept, spec.margin, spec.steps, window)
-    free = one_detour(replace(kept, speeds=np.full(world.model.n, np.inf)), spec.margin, spec.steps, window)
+    free = one_detour(_unhurried(kept), spec.margin, spec.steps, window)
     slow = None if free is None else _in_more_time(free, world, spec)
     if slow is None or slow is free:
         return slow
@@ -78,14 +78,22 @@ def _one_detour(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | 
 
 def _three_detours(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None:
     if not _may_stretch(world, spec):
-        return three_detours(_problem(world, nominal, spec, world.model.tree.speed_limits), spec.margin)
-    found = three_detours(_problem(world, nominal, spec, np.full(world.model.n, np.inf)), spec.margin)
+        return three_detours(_problem(world, nominal, spec), spec.margin)
+    found = three_detours(_unhurried(_problem(world, nominal, spec)), spec.margin)
     return None if found is None else _in_more_time(found, world, spec)
 
 
-def _problem(world: AnyWorld, nominal: JointPath, spec: AnyRun, speeds: np.ndarray) -> DetourProblem:
-    weights = getattr(spec.planner, "weights", None) or (1.0,) * world.model.n
-    return DetourProblem(world, nominal, np.array(weights), spec.margin, speeds)
+def _problem(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> DetourProblem:
+    n = world.model.n
+    weights = getattr(spec.planner, "weights", None) or (1.0,) * n
+    limits = world.model.tree.speed_limits, acceleration_limits(spec, n)
+    return DetourProblem(world, nominal, np.array(weights), spec.margin, *limits)
+
+
+def _unhurried(problem: DetourProblem) -> DetourProblem:
+    """The same at any speed and acceleration."""
+    anything = np.full(problem.world.model.n, np.inf)
+    return replace(problem, speeds=anything, accelerations=anything)
 
 
 def _may_stretch(world: AnyWorld, spec: AnyRun) -> bool:

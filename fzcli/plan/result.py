@@ -1,6 +1,7 @@
 """A found path as a Plan: sampled, measured, certified."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -10,9 +11,9 @@ from fzcli.model.algebra import cross, rotate
 from fzcli.model.attitude import rotation_matrix
 from fzcli.model.collision import many
 from fzcli.plan import neural_goal
-from fzcli.plan.braked_path import BrakedPath
 from fzcli.plan.detour_planner import Attempt
 from fzcli.plan.joint_path import JointPath
+from fzcli.plan.peaks import limit_excess, peak_times
 from fzcli.plan.plan import Plan
 from fzcli.plan.task import Task, poses_of
 from fzcli.plan.world import Path
@@ -21,7 +22,7 @@ from fzcli.spec.result import Provenance, Status
 
 Array = NDArray[np.float64]
 SAMPLE = 0.01  # s
-FEWEST = 401  # samples
+FEWEST, MOST = 401, 100_001  # samples
 EXCESS = 1e-9  # rad or m, and per second: what a limit may be exceeded by
 GOAL_MISSED = 1e-3  # m and rad
 CERTIFICATE = {
@@ -46,26 +47,24 @@ METRICS = {
 
 
 def as_plan(task: Task, attempt: Attempt, provenance: Provenance) -> Plan:
-    """Sample every 10 ms or less, and measure."""
+    """Sample (`sample_times`), measure and certify."""
     path, world, model = attempt.path, task.world, task.model
-    count = max(FEWEST, int(np.ceil(path.duration / SAMPLE)) + 1)
-    time = np.linspace(0.0, path.duration, count)
+    attempt = replace(attempt, clearance=task.judged(path))  # who found it asked for no more than the margin
+    time = sample_times(path)
     q, qd, qdd = path.at(time)
     position, quat = world.base(path, time)
     distances = world.clearance.at(q, world.scene.numbers(time), position, quat)
     clearance = distances.min(axis=1, initial=np.inf)
     tip, rotations = _tip(task, q, position, quat)
     arms = {name: _arm(task, name, q, position, quat) for name in model.tips}
-    certificate = _certificate(task, attempt, time, (q, qd, qdd), tip, rotations)
-    limits = task.speeds
-    with np.errstate(invalid="ignore"):
-        ratio = float((np.abs(qd) / limits).max(initial=0.0))
+    peaks = path.at(peak_times(path))
+    certificate = _certificate(task, attempt, peaks, (q[-1], position[-1], quat[-1]))
     metrics = {
         "duration": path.duration,
         "path_length": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum()),
         "tip_path_length": float(np.linalg.norm(np.diff(tip, axis=0), axis=1).sum()),
-        "speed_ratio_max": ratio,
-        "acceleration_max": float(np.abs(qdd).max()),
+        "speed_ratio_max": float((np.abs(peaks[1]) / task.speeds).max(initial=0.0)),
+        "acceleration_max": float(np.abs(peaks[2]).max()),
         "cost": attempt.cost,
         "base_turn": 2 * float(np.arccos(min(1.0, abs(float(quat[-1] @ quat[0]))))),
     }
@@ -99,10 +98,15 @@ def as_plan(task: Task, attempt: Attempt, provenance: Provenance) -> Plan:
     )
 
 
-def _tip(task: Task, q: Array, position: Array, quat: Array) -> tuple[Array, Array]:
-    """Position (T, 3) [m] and rotation (T, 3, 3) of the first tip in the world."""
+def sample_times(path: Path) -> Array:
+    """Times (T,) [s] at which a plan is written: every 10 ms or less, but no more than ``MOST``."""
+    return np.linspace(0.0, path.duration, min(max(FEWEST, int(np.ceil(path.duration / SAMPLE)) + 1), MOST))
+
+
+def _tip(task: Task, q: Array, position: Array, quat: Array, tip: str | None = None) -> tuple[Array, Array]:
+    """Position (T, 3) [m] and rotation (T, 3, 3) of a tip in the world, the first by default."""
     model = task.model
-    turned, rotations = many(model.function("forward_kinematics"), q, quat)
+    turned, rotations = many(model.function("forward_kinematics", tip), q, quat)
     center = position + many(model.function("com"), q, quat)[0] if model.floating else position
     return center + turned, rotations.reshape(len(q), 3, 3).transpose(0, 2, 1)
 
@@ -117,67 +121,51 @@ def _straight_tip(task: Task, path: Path, time: Array, tip: Array) -> Array:
 
 
 def _certificate(
-    task: Task, attempt: Attempt, time: Array, states: tuple[Array, Array, Array], tip: Array, rotations: Array
+    task: Task, attempt: Attempt, peaks: tuple[Array, Array, Array], end: tuple[Array, Array, Array]
 ) -> dict[str, float]:
-    q, qd, qdd = states
-    low, high = task.model.tree.position_limits.T
+    """``peaks``: q, qd, qdd where they are largest; ``end``: joints, position and attitude of the base at the end."""
     found = attempt.clearance
     return {
         "clearance_min": found.clearance,
         "clearance_at_least": found.at_least,
         "clearance_time": found.time,
-        "joint_limit_excess_max": max(0.0, float((low - q).max()), float((q - high).max())),
-        "joint_speed_excess_max": max(0.0, float((np.abs(qd) - task.speeds).max())),
-        "joint_acceleration_excess_max": max(0.0, float((np.abs(qdd) - task.accelerations).max())),
-        "goal_error_max": _goal_error(task, q[-1], tip[-1], rotations[-1]),
+        **limit_excess(peaks, task.model.tree.position_limits, task.speeds, task.accelerations),
+        "goal_error_max": _goal_error(task, *end),
         "knot_jump_max": knot_jump(attempt),
     }
 
 
-def _goal_error(task: Task, q: Array, tip: Array, rotation: Array) -> float:
-    """Of joints, or of the first tip's pose in the world as the true plant leads it there."""
+def _goal_error(task: Task, q: Array, position: Array, quat: Array) -> float:
+    """Of the joints, or of the worst tip's pose in the world as the true plant leads it there."""
     if task.spec.goal.q is not None:
         return float(np.abs(q - np.array(task.spec.goal.q)).max())
-    poses = poses_of(task)
-    name = task.model.tips[0]
-    if name not in poses:
-        return float("nan")
-    position, wanted = poses[name]
-    error = float(np.linalg.norm(tip - position))
+    return max(_tip_error(task, name, (q, position, quat)) for name in poses_of(task))
+
+
+def _tip_error(task: Task, name: str, end: tuple[Array, Array, Array]) -> float:
+    """Distance of a tip from its position, or the angle to its orientation where that is larger and asked for."""
+    place, wanted = poses_of(task)[name]
+    q, position, quat = (part[None] for part in end)
+    tips, rotations = _tip(task, q, position, quat, name)
+    error = float(np.linalg.norm(tips[0] - place))
     pose = task.spec.goal.tips.get(name)
     if task.spec.goal.rpy is None and (pose is None or pose.rpy is None):
         return error
-    turned = rotation @ wanted.T
-    angle = float(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
+    angle = float(np.arccos(np.clip((np.trace(rotations[0] @ wanted.T) - 1) / 2, -1, 1)))
     return max(error, angle if angle > 1e-7 else 0.0)
 
 
 def knot_jump(attempt: Attempt) -> float:
     """Of position, velocity and acceleration on both sides of every knot, over their largest values."""
     path = attempt.path
-    knots = _knots(path)
     gap = 1e-12 * max(1.0, path.duration)
-    at = np.array(sorted(knots))
+    at = np.array(sorted(path.knots))
     sizes = [float(np.abs(values).max()) for values in path.at(np.linspace(0.0, path.duration, 400))]
     jumps = [
         float(np.abs(b - a).max()) / max(size, 1e-12)
         for a, b, size in zip(path.at(at - gap), path.at(at + gap), sizes, strict=True)
     ]
     return max(jumps)
-
-
-def _knots(path: Path) -> list[float]:
-    """Times [s] at which a path goes from one formula to the next."""
-    knots = [0.0, path.duration]
-    if isinstance(path, JointPath):
-        for detour in path.detours:
-            middle, half = 0.5 * (detour.begin + detour.end), 0.5 * detour.dwell
-            knots += [detour.begin, detour.end, middle - half, middle + half]
-    elif isinstance(path, BrakedPath):
-        knots += [path.begin, path.stopped, path.rest, *(path.when(knot) for knot in _knots(path.path))]
-    else:
-        knots += list(np.cumsum([part.duration for part in getattr(path, "parts", ())]))
-    return knots
 
 
 def _status(task: Task, attempt: Attempt, certificate: dict[str, float]) -> Status:

@@ -44,6 +44,12 @@ class ChainedPath:
         """Where the last ends, (n)."""
         return self.parts[-1].goal
 
+    @property
+    def knots(self) -> list[float]:
+        """Those of all parts [s]."""
+        begins = np.cumsum([0.0, *(part.duration for part in self.parts)]).tolist()
+        return [begin + knot for begin, part in zip(begins, self.parts, strict=False) for knot in part.knots]
+
     def at(self, time: Array) -> tuple[Array, Array, Array]:
         """q, qd, qdd at times (T,), each (T, n)."""
         t = np.atleast_1d(np.asarray(time, dtype=np.float64))

@@ -192,8 +192,13 @@ class Scene:
 
 def build_scene(obstacles: Sequence[Obstacle]) -> Scene:
     """The scene of a run. Raises ValueError where two obstacles have one name."""
-    scene = Scene(tuple(obstacles))
-    doubled = [name for i, name in enumerate(scene.names) if name in scene.names[:i]]
+    doubled = doubled_names(obstacles)
     if doubled:
         raise ValueError(f"two obstacles are called '{doubled[0]}'")
-    return scene
+    return Scene(tuple(obstacles))
+
+
+def doubled_names(obstacles: Sequence[Obstacle]) -> list[str]:
+    """Names that stand twice, those included that an obstacle has where none is given."""
+    names = Scene(tuple(obstacles)).names
+    return sorted({name for name in names if names.count(name) > 1})

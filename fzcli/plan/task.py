@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from fzcli.errors import Problem, SpecError
 from fzcli.model import RobotModel
 from fzcli.plan.built import goal_solver_of
 from fzcli.plan.continuous import PathClearance
@@ -14,7 +15,7 @@ from fzcli.plan.detour_search import FINE
 from fzcli.plan.inertial_goal import Departure, PathLaw, path_law
 from fzcli.plan.joint_path import JointPath, fastest, law_values
 from fzcli.plan.neural_goal import NeuralGoal
-from fzcli.plan.plan_spec import PlanFields, PlanRun, PoseGoal, acceleration_limits
+from fzcli.plan.plan_spec import LONGEST, PlanFields, PlanRun, PoseGoal, acceleration_limits
 from fzcli.plan.planar_spec import AnyRun
 from fzcli.plan.planners import Stage
 from fzcli.plan.scene import Scene
@@ -91,8 +92,14 @@ class AnyTask(Protocol):
 
 
 def nominal_path(spec: PlanFields, start: Array, goal: Array, limits: tuple[Array, Array]) -> JointPath:
-    """The straight joint path in the duration that is asked for; ``limits``: joint speeds and accelerations (n)."""
+    """The straight joint path in the duration that is asked for; ``limits``: joint speeds and accelerations (n).
+
+    Raises SpecError where the limits ask for more than ``LONGEST``.
+    """
     shortest = fastest(start, goal, *limits, spec.law)
+    if shortest > LONGEST:
+        text = f"the joints would need {shortest:.3g} s; no path is longer than {LONGEST:g} s"
+        raise SpecError(Problem(text, field="accelerations"))
     if spec.duration == "fastest":
         return JointPath(start, goal - start, max(shortest * (1 + 1e-9), 1e-3), spec.law)
     duration = max(spec.duration, shortest * (1 + 1e-9)) if spec.stretch else spec.duration

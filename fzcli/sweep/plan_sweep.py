@@ -122,6 +122,14 @@ def _misplaced(document: Document, own: OwnSection, configurations: list[dict[st
     if own.file.trajectories.keep_if is not None:
         text = "is for simulations; scenes are drawn until they fit"
         yield document.problem(text, ("trajectories", "keep_if"), at_key=True)
+    places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in own.file.grid]
+    places += [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
+    places += [(("trajectories", "draw", path), path) for path in own.file.trajectories.draw]
+    followed = [(("replay",), "replay")] if document.value.get("replay") is not None else []
+    for at, path in (*followed, *places):
+        if path.partition(".")[0] == "replay":
+            text = "a sweep makes plans and follows none; `fzcli simulate` replays a plan"
+            yield document.problem(text, at, at_key=True)
     if own.file.scenes is None:
         return
     text = "is drawn as well (scenes); a field has one source"
@@ -130,9 +138,6 @@ def _misplaced(document: Document, own: OwnSection, configurations: list[dict[st
         yield document.problem(text, ("start", "q"), at_key=True)
     if "goal" in document.value:
         yield document.problem(text, ("goal",), at_key=True)
-    places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in own.file.grid]
-    places += [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
-    places += [(("trajectories", "draw", path), path) for path in own.file.trajectories.draw]
     for at, path in places:
         if path.startswith("scene") or any(f"{path}.".startswith(f"{other}.") for other in BY_SCENES):
             yield document.problem(text, at, at_key=True)

@@ -65,9 +65,12 @@ def test_wrong_masses_move_the_tip_of_a_free_base(tmp_path: Path) -> None:
     ],
 )
 def test_bad_replays_are_named_in_the_plan_s_file(change: str, text: str, tmp_path: Path) -> None:
-    with pytest.raises(SpecError) as caught:
-        _run(FIXED, tmp_path, change)
-    assert text in str(caught.value)
+    (tmp_path / "run.yaml").write_text(FIXED)
+    for follow in (fzcli.simulate, fzcli.plan):
+        with pytest.raises(SpecError) as caught:
+            follow(tmp_path / "run.yaml", sets=[change], output=tmp_path / "run.h5")
+        assert text in str(caught.value)
+        assert not (tmp_path / "run.h5").exists()
 
 
 def test_a_parallel_robot_has_no_torque_level(tmp_path: Path) -> None:
@@ -80,3 +83,10 @@ def test_the_adaptive_integrator_refuses_by_name_here_too(tmp_path: Path) -> Non
     harsh = "replay.controller={kind: joint_pd, stiffness: 1000000, damping: 100000}"
     with pytest.raises(IntegrationError, match="dormand_prince: a step of"):
         _run(FIXED, tmp_path, harsh, "replay.substeps=1", "replay.integrator=dormand_prince")
+
+
+@pytest.mark.parametrize("change", ["replay={controller: {kind: robust}}", "grid={replay.substeps: [1, 2]}"])
+def test_a_sweep_of_plans_replays_none(change: str) -> None:
+    with pytest.raises(SpecError) as caught:
+        fzcli.sweep("runs/scenes200.yaml", sets=[change, "list=[]"])
+    assert "a sweep makes plans and follows none; `fzcli simulate` replays a plan" in str(caught.value)

@@ -138,7 +138,11 @@ def test_inverse_dynamics(seed: int) -> None:
             s.q, s.base_quat, s.qd, twist, qdd, acceleration, NO_WRENCH, NOTHING
         )
         expected = _pin(seed).inverse_dynamics(s, twist, acceleration, qdd)
-        _close(np.concatenate([_numbers(wrench), _numbers(torque)]), expected, f"seed {seed}, state {index}")
+        found, where = np.concatenate([_numbers(wrench), _numbers(torque)]), f"seed {seed}, state {index}"
+        _close(found, expected, f"{where}, Pinocchio")
+        free = slice(0 if model.floating else 6, None)
+        rates = np.concatenate([acceleration, qdd])[free]
+        _close(found[free], _mujoco(seed).forces(s.q, s.base_quat, s.qd, twist, rates), f"{where}, MuJoCo")
 
 
 @pytest.mark.parametrize("seed", SEEDS)

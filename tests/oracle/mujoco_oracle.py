@@ -93,6 +93,16 @@ class MujocoOracle:
         self.data.qfrc_applied[:] = 0.0
         return found
 
+    def forces(
+        self, q: ArrayLike, base_quat: ArrayLike, qd: ArrayLike, base_twist: ArrayLike, rates: ArrayLike
+    ) -> Array:
+        """Generalized forces (6 + n) behind (base_acceleration, qdd), on a fixed base both without the base."""
+        self.place(q, base_quat, qd, base_twist)
+        turn = self._turn(base_quat)
+        self.data.qacc[:] = turn @ np.asarray(rates, float)
+        mujoco.mj_inverse(self.model, self.data)
+        return turn.T @ self.data.qfrc_inverse
+
     def run(self, steps: int) -> Array:
         """Free motion from the state in place: qpos and qvel after every step, (steps, nq + nv)."""
         rows = np.zeros((steps, self.model.nq + self.model.nv))

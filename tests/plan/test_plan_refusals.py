@@ -85,6 +85,15 @@ def refused(tmp_path: Path, old: str, new: str) -> str:
         ),
         ("q: [-60 deg", "q: [-60 mm", "plan.yaml:4:13: start.q.0: '-60 mm' is a length; an angle is wanted"),
         ("4 s", "0 s", "plan.yaml:6:11: duration: must be > 0 or 'fastest', got '0 s'"),
+        ("4 s", "1e9 s", "plan.yaml:6:11: duration: must be <= 100000.0 or 'fastest', got '1e9 s'"),
+        ("4 s", "1e-9 s", "plan.yaml:6:11: duration: must be >= 1e-06 or 'fastest', got '1e-9 s'"),
+        ("10 mm", "10 mm\nsteps: 10001", "plan.yaml:8:8: steps: must be <= 10000, got 10001"),
+        (
+            "10 mm",
+            "10 mm\naccelerations: [1e-12, 1, 1, 1, 1, 1]",
+            "plan.yaml:8:16: accelerations: the joints would need ",
+        ),
+        ("detour,", "detour, window: [20, 24],", "plan.yaml:10:33: planner.window: ends at step 24; the path has 20"),
         ("10 mm", "-1 mm", "plan.yaml:7:9: margin: must be >= 0, got '-1 mm'"),
         ("radius: 0.05", "radius: -0.05", "plan.yaml:9:49: scene.0.sphere.radius: must be > 0, got -0.05"),
         (
@@ -151,3 +160,10 @@ def test_two_obstacles_of_one_name(tmp_path: Path) -> None:
     two = "  - {name: ball, sphere: {center: [0.338, 0, 0.345], radius: 0.05}}\n"
     text = refused(tmp_path, "  - sphere: {center: [0.338, 0, 0.345], radius: 0.05}\n", two + two)
     assert "scene: two obstacles are called 'ball'" in text
+
+
+def test_a_name_that_another_obstacle_has_by_its_number(tmp_path: Path) -> None:
+    ball = "{sphere: {center: [0.338, 0, 0.345], radius: 0.05}"
+    two = f"  - {ball}, name: sphere 2}}\n  - {ball}}}\n"
+    text = refused(tmp_path, "  - sphere: {center: [0.338, 0, 0.345], radius: 0.05}\n", two)
+    assert "plan.yaml:9:3: scene: two obstacles are called 'sphere 2'" in text

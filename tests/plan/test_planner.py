@@ -32,6 +32,7 @@ START, GOAL = np.deg2rad([-60.0, 20.0, 100.0, 0.0, 40.0, 0.0]), np.deg2rad([60.0
 SPHERE = {"sphere": {"center": (0.338, 0.0, 0.345), "radius": 0.05}}
 PANEL = {"box": {"center": (0.3, 0.3, 0.5), "rpy": (0.3, -0.2, 0.5), "size": (0.2, 0.2, 0.02)}}
 WEIGHTS = np.array([1, 1, 1, 0.3, 0.3, 0.05])
+ANYTHING = np.full(6, np.inf)  # limits that none reaches
 OWN = {frozenset(("J2_link", "J6_link")), frozenset(("J3_link", "J6_link"))}
 
 
@@ -171,7 +172,7 @@ def test_derivatives_of_the_search_are_those_of_differences(
 ) -> None:
     quat = (1.0, 0.0, 0.0, 0.0) if name == "melfa_rv1a" else (0.5, 0.5, -0.5, 0.5)
     world = world_of(name, [SPHERE, PANEL], quat)
-    problem = DetourProblem(world, JointPath(START, GOAL - START, 4.0), np.ones(6), 0.01, np.full(6, np.inf))
+    problem = DetourProblem(world, JointPath(START, GOAL - START, 4.0), np.ones(6), 0.01, ANYTHING, ANYTHING)
     shape, rng = WindowProblem(problem, windows), np.random.default_rng(4)
     x, h = 0.3 * rng.normal(size=6 * len(windows)), 1e-6
     _, slopes = shape.clearances(x, 1000.0)
@@ -184,7 +185,7 @@ def test_starts_are_compared_by_what_they_miss(name: str) -> None:
     """All at once as one by one; nothing is missed where every distance and limit holds."""
     world = world_of(name, [SPHERE])
     nominal = JointPath(START, GOAL - START, 4.0)
-    problem = DetourProblem(world, nominal, WEIGHTS, 0.01, model_of(name).tree.speed_limits)
+    problem = DetourProblem(world, nominal, WEIGHTS, 0.01, model_of(name).tree.speed_limits, ANYTHING)
     shape, starts = WindowProblem(problem, ((1.0, 3.0),)), np.array(list(patterns(6))[:12])
     np.testing.assert_allclose(shape.violations(starts), [shape.violation(x) for x in starts], atol=1e-12)
     assert shape.violation(np.zeros(6)) > 0.05

@@ -28,7 +28,7 @@ class RobustSpec(SpecModel):
     ] = ("yaw",)
     rate: Annotated[Frequency, Field(gt=0, description="at which errors die out on the sliding surface, 1/s")] = 40.0
     reach: Annotated[Frequency, Field(gt=0, description="at which the surface is reached, 1/s")] = 40.0
-    switch: Annotated[float, Field(ge=0, description="size of the sliding term, m/s2 or rad/s2")] = 1.0
+    switch: Annotated[float, Field(ge=0, description="size of the sliding term, m/s2 or rad/s2")] = 5.0
     layer: Annotated[AngularSpeed, Field(gt=0, description="boundary layer in which it is linear, m/s or rad/s")] = 0.05
     tip_damping: Annotated[float, Field(gt=0, description="lambda in J^T (J J^T + lambda^2 E)^-1, of the tip")] = 0.05
     base_damping: Annotated[float, Field(gt=0, description="lambda of the base angles, below the tip")] = 0.1

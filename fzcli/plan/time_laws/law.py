@@ -12,12 +12,14 @@ class TimeLaw:
 
     ``evaluate``: phase -> s, ds/dphase, d2s/dphase2. ``peak_speed``, ``peak_acceleration``: the largest
     magnitudes of the derivatives. ``smooth``: how many derivatives are continuous everywhere, ends included.
+    ``corners``: phases within at which the formula changes.
     """
 
     evaluate: Callable[[ca.SX], tuple[ca.SX, ca.SX, ca.SX]]
     peak_speed: float
     peak_acceleration: float
     smooth: int
+    corners: tuple[float, ...] = ()
 
     def __call__(self, phase: ca.SX) -> tuple[ca.SX, ca.SX]:
         """s and ds/dphase."""

@@ -19,4 +19,4 @@ def evaluate(phase: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
     return s, ds, ca.if_else(ca.logic_or(phase < 0.0, phase > 1.0), 0.0, pace)
 
 
-LAW = TimeLaw(evaluate, peak_speed=CRUISE, peak_acceleration=CRUISE / RAMP, smooth=1)
+LAW = TimeLaw(evaluate, peak_speed=CRUISE, peak_acceleration=CRUISE / RAMP, smooth=1, corners=(RAMP, 1.0 - RAMP))
