@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from fzcli.errors import EngineError
+from fzcli.loop.file_lock import locked
 
 FLAGS = (
     "-O2",
@@ -145,7 +146,9 @@ def build_library(source: str, lanes: int, compiler: Compiler, isa: str) -> ctyp
     library, checksum = folder / f"{key}.so", folder / f"{key}.sha256"
     if not _intact(library, checksum):
         try:
-            _compile(source, flags, compiler, library, checksum)
+            with locked(folder / f"{key}.lock"):  # of several processes, one compiles and the others wait for it
+                if not _intact(library, checksum):
+                    _compile(source, flags, compiler, library, checksum)
         except OSError as error:
             raise EngineError(_no_cache(folder, error)) from error
     return ctypes.CDLL(str(library))

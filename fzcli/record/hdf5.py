@@ -1,13 +1,14 @@
 """How result files are opened and written: atomically, self-described, and with clear errors."""
 
 import contextlib
+import io
 import json
 import os
 import secrets
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import h5py
 import numpy as np
@@ -20,35 +21,37 @@ from fzcli.spec.result import STATUS_NAMES, Provenance
 Precision = Literal["f4", "f8"]
 FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 CHUNK_BYTES = 1 << 18
+TEMPORARY = ".tmp"  # how names of files end that are being written
 
 
 @contextlib.contextmanager
 def create_file(path: Path, kind: str) -> Iterator[h5py.File]:
     """A new HDF5 file that takes the place of ``path`` only once it is whole and on disk.
 
-    It is built in memory (compressed, so smaller than what it is made from), because the HDF5
-    library can crash the process when the disk is full; plain writes fail with a plain error.
-
     Raises:
         RecordError: the file or its folder cannot be written; what stood at ``path`` is untouched.
     """
-    in_memory = {"driver": "core", "backing_store": False, "block_size": 1 << 21}
-    with h5py.File(path, "w", track_order=True, **in_memory) as file:
-        file.attrs["fzcli_kind"] = kind
-        file.attrs["fzcli_format"] = FORMAT
-        yield file
-        file.flush()
-        image = file.id.get_file_image()
-    _replace(Path(path), image)
+    with replacing(Path(path)) as stream:
+        spool = Spool(stream)
+        with h5py.File(spool, "w", track_order=True) as file:
+            file.attrs["fzcli_kind"] = kind
+            file.attrs["fzcli_format"] = FORMAT
+            yield file
+        spool.finish()
 
 
-def _replace(path: Path, content: bytes) -> None:
-    """Puts the content at ``path`` in one step, by way of a temporary file beside it."""
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """A stream into a temporary file beside ``path``, which takes its place in one step when all is on disk.
+
+    Raises:
+        RecordError: file or folder cannot be written; what stood at ``path`` is untouched.
+    """
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}{TEMPORARY}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("xb") as stream:
-            stream.write(content)
+        with temporary.open("x+b") as stream:
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
@@ -58,6 +61,79 @@ def _replace(path: Path, content: bytes) -> None:
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+class Spool(io.RawIOBase):
+    """A file for the HDF5 library whose writes never fail before ``finish``.
+
+    The library can crash the process when a write fails, as on a full disk. Here what a disk does not take is held
+    in memory, so that the library can end in order, and the first error is told by ``check`` and ``finish``.
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        super().__init__()
+        self._stream = stream
+        self._place = self._end = 0
+        self._error: OSError | None = None
+        self._untaken: list[tuple[int, bytes]] = []
+
+    def check(self) -> None:
+        """Raises OSError when a write has failed so far."""
+        if self._error is not None:
+            raise self._error
+
+    def finish(self) -> None:
+        """Everything to the disk. Raises OSError when a write failed."""
+        self.check()
+        self._stream.truncate(self._end)
+        self._stream.flush()
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._place
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        self._place = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._end}[whence] + offset
+        return self._place
+
+    def truncate(self, size: int | None = None) -> int:
+        self._end = self._place if size is None else size
+        return self._end
+
+    def readinto(self, buffer: Any) -> int:
+        view = memoryview(buffer).cast("B")
+        count = max(0, min(len(view), self._end - self._place))
+        self._stream.seek(self._place)
+        found = self._stream.read(count)
+        view[:count] = found.ljust(count, b"\0")
+        for start, data in self._untaken:
+            first, last = max(start, self._place), min(start + len(data), self._place + count)
+            if first < last:
+                view[first - self._place : last - self._place] = data[first - start : last - start]
+        self._place += count
+        return count
+
+    def write(self, data: Any) -> int:
+        view = memoryview(data).cast("B")
+        try:
+            self.check()
+            self._stream.seek(self._place)
+            self._stream.write(view)
+            self._stream.flush()
+        except OSError as error:
+            self._error = self._error or error
+            self._untaken.append((self._place, bytes(view)))
+        self._place += len(view)
+        self._end = max(self._end, self._place)
+        return len(view)
 
 
 def _flush_folder(folder: Path) -> None:

@@ -1,6 +1,5 @@
 """The drawn trajectories of a sweep, filtered where it asks for a filter."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from fzcli.errors import FzcliError
 from fzcli.loop.engine import Batch
 from fzcli.spec.base import SpecModel
 from fzcli.sweep.builds import Builds, rows_of, split
-from fzcli.sweep.draws import candidate, generator
+from fzcli.sweep.draws import candidate, sources
 from fzcli.sweep.resolve import Sweep, with_values
 from fzcli.sweep.sweep_spec import Condition
 
@@ -24,45 +23,36 @@ class FilterError(FzcliError):
 
 @dataclass(frozen=True)
 class Drawing:
-    """``values`` (trajectories, k) as drawn; how many candidates were tried for them all."""
+    """``values`` (trajectories, k) as drawn, and ``candidates`` (trajectories): how many were tried for each."""
 
     values: Array
-    candidates: int
+    candidates: NDArray[np.int64]
 
 
-def draw_trajectories(
-    sweep: Sweep, builds: Builds, jobs: int, tell: Callable[[str, int, int], None]
-) -> Drawing:
-    """Draw every trajectory; with a filter, candidates in order until one passes.
+def draw_trajectories(sweep: Sweep, builds: Builds, places: range, jobs: int = 1) -> Drawing:
+    """Draw the trajectories of these places, counted from the first; with a filter, candidates until one passes.
 
     Raises FilterError when a trajectory passes none of the candidates it may try.
     """
-    plan = sweep.file.trajectories
-    indices = range(plan.first, plan.first + plan.count)
-    generators = [generator(plan.seed, index) for index in indices]
-    width = sum(one.size for one in sweep.draws)
-    values = np.zeros((plan.count, width))
-    if sweep.filter is None or plan.keep_if is None:
-        for i, random in enumerate(generators):
-            values[i] = candidate(sweep.draws, random)
-            _check(sweep, values[i], indices[i])
-        return Drawing(values, plan.count)
-    conditions = [Condition.of(text) for text in plan.keep_if.that]
-    waiting = np.arange(plan.count)
-    tried = 0
-    for _ in range(plan.keep_if.most):
+    plan, count = sweep.file.trajectories, len(places)
+    random = list(sources(plan, sweep.draws, places))
+    values, tried = np.zeros((count, sum(one.size for one in sweep.draws))), np.zeros(count, dtype=np.int64)
+    keep_if = plan.keep_if if sweep.filter is not None else None
+    conditions = [Condition.of(text) for text in keep_if.that] if keep_if else []
+    waiting = np.arange(count)
+    for _ in range(keep_if.most if keep_if else 1):
         for place in waiting:
-            values[place] = candidate(sweep.draws, generators[place])
-            _check(sweep, values[place], indices[int(place)])
-        tried += len(waiting)
-        passed = _pass(sweep, builds, values[waiting], conditions, jobs)
-        waiting = waiting[~passed]
-        tell("drawing", plan.count - len(waiting), plan.count)
-        if not len(waiting):
+            values[place] = candidate(sweep.draws, random[place])
+            _check(sweep, values[place], plan.first + places[int(place)])
+        tried[waiting] += 1
+        if keep_if:
+            waiting = waiting[~_pass(sweep, builds, values[waiting], conditions, jobs)]
+        if not keep_if or not len(waiting):
             return Drawing(values, tried)
+    most, unlucky = keep_if.most if keep_if else 1, plan.first + places[int(waiting[0])]
     raise FilterError(
-        f"trajectories.keep_if: trajectory {plan.first + int(waiting[0])} passed none of {plan.keep_if.most} "
-        f"candidates ({plan.count - len(waiting)} of {plan.count} trajectories found); loosen the conditions"
+        f"trajectories.keep_if: trajectory {unlucky} passed none of {most} "
+        f"candidates ({count - len(waiting)} of {count} trajectories found); loosen the conditions"
     )
 
 
