@@ -25,6 +25,7 @@ ObstacleKind = Literal["sphere", "capsule", "box"]
 NUMBERS: dict[ObstacleKind, int] = {"sphere": 4, "capsule": 7, "box": 10}
 ORIGIN, UPRIGHT = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
 SAMPLES = 1000
+ALIKE = 1e-9  # m: distances that do not change
 
 
 @dataclass(frozen=True)
@@ -178,8 +179,8 @@ def check_solids(model: RobotModel) -> None:
 def self_pairs(model: RobotModel, samples: int = SAMPLES, seed: int = 0) -> SelfPairs:
     """The pairs of a robot's own solids that can part and meet.
 
-    Left out: solids of one body, of bodies with one joint between them, and pairs in contact at every one of
-    ``samples`` postures drawn within the joint limits (a full turn or two metres where none are stated).
+    Left out: solids of one body, of bodies with one joint between them, and pairs in contact, or always as far apart,
+    at every one of ``samples`` postures drawn within the joint limits (a full turn or two metres where none are stated).
     """
     tree = model.tree
     watched, left_out = [], []
@@ -194,11 +195,19 @@ def self_pairs(model: RobotModel, samples: int = SAMPLES, seed: int = 0) -> Self
     if watched:
         q = np.random.default_rng(seed).uniform(*_ranges(tree), (samples, model.n))
         drawn = _assembled(model, (), tuple(watched), SelfPairs((), ())).at(q)
-        always = np.max(drawn, axis=0).tolist()
-        touching = f"in contact at all of {samples} postures"
-        left_out += [(pair, touching) for pair, most in zip(watched, always, strict=True) if most < 0]
-        watched = [pair for pair, most in zip(watched, always, strict=True) if most >= 0]
+        reasons = [_settled(values) for values in drawn.T]
+        left_out += [(pair, reason) for pair, reason in zip(watched, reasons, strict=True) if reason]
+        watched = [pair for pair, reason in zip(watched, reasons, strict=True) if not reason]
     return SelfPairs(tuple(watched), tuple(left_out))
+
+
+def _settled(distances: Array) -> str:
+    """Why a pair with these distances (samples) [m] cannot part and meet, or nothing."""
+    if distances.max() < 0:
+        return f"in contact at all of {len(distances)} postures"
+    if np.ptp(distances) < ALIKE:
+        return f"{1e3 * distances[0]:.3g} mm apart at all of {len(distances)} postures"
+    return ""
 
 
 def _ranges(tree: Tree) -> tuple[Array, Array]:
