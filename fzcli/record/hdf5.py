@@ -211,7 +211,23 @@ class GroupWriter:
 
     def array(self, about: Name, values: Any, *, attach: bool = True, **attributes: Any) -> h5py.Dataset:
         """Writes one dataset with its unit, its meaning, further attributes and its dimensions."""
-        dataset = self._create(about.name, values)
+        return self._about(self._create(about.name, values), about, attach, attributes)
+
+    def room(self, about: Name, shape: tuple[int, ...], **attributes: Any) -> h5py.Dataset:
+        """A dataset of trajectories, in the file's precision for them, to be filled rows by rows."""
+        kind = np.dtype(self.precision)
+        if 0 in shape:
+            return self._about(self.group.create_dataset(about.name, shape, kind), about, True, attributes)
+        chunks = _chunks(shape, kind.itemsize)
+        dataset = self.group.create_dataset(about.name, shape, kind, chunks=chunks, fillvalue=np.nan, **FILTERS)
+        return self._about(dataset, about, True, attributes)
+
+    def fill(self, dataset: h5py.Dataset, first: int, values: NDArray[Any]) -> None:
+        """Writes rows of a dataset that ``room`` made."""
+        with np.errstate(over="ignore"):  # a diverged run may leave the range of f4: stored as inf
+            dataset[first : first + len(values)] = values.astype(self.precision, copy=False)
+
+    def _about(self, dataset: h5py.Dataset, about: Name, attach: bool, attributes: dict[str, Any]) -> h5py.Dataset:
         dataset.attrs["units"] = about.unit
         dataset.attrs["long_name"] = about.long_name
         for key, value in attributes.items():
@@ -257,7 +273,7 @@ class GroupWriter:
             return self.group.create_dataset(name, data=texts.reshape(array.shape), dtype=h5py.string_dtype())
         if array.ndim == 0 or array.size == 0:
             return self.group.create_dataset(name, data=array)
-        return self.group.create_dataset(name, data=array, chunks=_chunks(array), **FILTERS)
+        return self.group.create_dataset(name, data=array, chunks=_chunks(array.shape, array.itemsize), **FILTERS)
 
 
 def _clean(text: str) -> str:
@@ -265,12 +281,12 @@ def _clean(text: str) -> str:
     return text.replace("\0", "\ufffd").encode("utf-8", "replace").decode("utf-8")
 
 
-def _chunks(array: NDArray[Any]) -> tuple[int, ...]:
+def _chunks(shape: tuple[int, ...], size: int) -> tuple[int, ...]:
     """One chunk a kept run, cut along time (or along the runs) where it would pass CHUNK_BYTES."""
-    if array.ndim >= 3:
-        return (1, *array.shape[1:])
-    row = max(1, array.nbytes // array.shape[0])
-    return (min(array.shape[0], max(1, CHUNK_BYTES // row)), *array.shape[1:])
+    if len(shape) >= 3:
+        return (1, *shape[1:])
+    row = max(1, size * int(np.prod(shape[1:])))
+    return (min(shape[0], max(1, CHUNK_BYTES // row)), *shape[1:])
 
 
 def write_provenance(writer: GroupWriter, provenance: Provenance) -> None:

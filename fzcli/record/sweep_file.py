@@ -4,6 +4,7 @@ The root and every group open by themselves in xarray; configurations and draws 
 rows of the root by the columns ``config`` and ``trajectory``.
 """
 
+import io
 import json
 import math
 import os
@@ -31,7 +32,7 @@ from fzcli.record.hdf5 import (
     write_provenance,
 )
 from fzcli.record.kept import read_kept, write_kept
-from fzcli.record.kept_in_shards import KeptInShards
+from fzcli.record.kept_in_files import KeptInFile, KeptInShards
 from fzcli.record.names import EXTRAS, INDEX_COLUMNS, Name, signal_of
 from fzcli.record.scratch import Columns
 from fzcli.record.shard_file import shard_hash
@@ -102,15 +103,15 @@ def replace_table(path: Path, table: TableSpec | None) -> None:
     Raises:
         RecordError: the file cannot be read or written.
     """
-    with open_file(path, "sweep"), h5py.File(path, "r+", driver="core", backing_store=False) as file:
+    with open_file(path, "sweep"):
+        copy = io.BytesIO(path.read_bytes())
+    with h5py.File(copy, "r+") as file:
         if "table" in file:
             del file["table"]
         if table is not None:
             _write_table(GroupWriter(file), table)
-        file.flush()
-        image = file.id.get_file_image()
     with replacing(path) as stream:
-        stream.write(image)
+        stream.write(copy.getvalue())
 
 
 def read_identity(path: Path) -> str:
@@ -164,7 +165,9 @@ def read_sweep(path: Path | str) -> SweepRecord:
         metrics = metric_names(file)
         draws = [name for name, dataset in file["draws"].items() if dataset.ndim == 2]
         origin = read_provenance(file)
-        kept: Sequence[KeptRun] = read_kept(file["kept"], origin) if "kept" in file else ()
+        kept: Sequence[KeptRun] = ()
+        if "kept" in file:
+            kept = KeptInFile(len(file["kept/n_steps"]), partial(_kept, path, origin))
         if "shards" in file:
             kept = _read_references(file, path, origin)
         return SweepRecord(
@@ -181,6 +184,11 @@ def read_sweep(path: Path | str) -> SweepRecord:
             kept=kept,
             provenance=origin,
         )
+
+
+def _kept(path: Path, origin: Provenance) -> tuple[KeptRun, ...]:
+    with open_file(path, "sweep") as file:
+        return read_kept(file["kept"], origin)
 
 
 def _column(path: Path, name: str) -> NDArray[Any]:

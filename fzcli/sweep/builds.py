@@ -53,9 +53,25 @@ class Builds:
 
     def __init__(self) -> None:
         self._found: list[tuple[tuple[str, ...], str, Build]] = []
+        self._known: dict[int, tuple[SimulateRun, Build]] = {}
+        self._rows: dict[int, Array] = {}
 
-    def of(self, spec: SimulateRun) -> Build:
-        """The build that serves a run spec; a new one when none does."""
+    def of(self, spec: SimulateRun, known: bool = True) -> Build:
+        """The build that serves a run spec; a new one when none does. ``known``: it will be asked for again."""
+        if id(spec) in self._known:
+            return self._known[id(spec)][1]
+        build = self._sought(spec)
+        if known:
+            self._known[id(spec)] = spec, build  # with the spec, so that its id stays its own
+        return build
+
+    def row_of(self, spec: SimulateRun) -> Array:
+        """The parameters of a run spec that is asked for again and again."""
+        if id(spec) not in self._rows:
+            self._rows[id(spec)] = parameter_row(spec, self.of(spec).loop.parameters)
+        return self._rows[id(spec)]
+
+    def _sought(self, spec: SimulateRun) -> Build:
         dump = spec.model_dump(mode="json", exclude=NOT_BUILT_IN)
         for paths, key, build in self._found:
             if _key(dump, paths, spec.start.drifting) == key:
@@ -112,7 +128,7 @@ def rows_of(
     build = builds.of(spec)
     places = _columns(build.loop)
     if all(one.path in places for one in draws):
-        table = np.tile(parameter_row(spec, build.loop.parameters), (len(drawn), 1))
+        table = np.tile(builds.row_of(spec), (len(drawn), 1))
         column = 0
         for one in draws:
             table[:, places[one.path]] = drawn[:, column : column + one.size]
@@ -121,7 +137,7 @@ def rows_of(
     found: dict[int, tuple[Build, list[int], list[Array], list[int]]] = {}
     for i, values in enumerate(drawn):
         single = with_values(spec, split(draws, values))
-        own = builds.of(single)
+        own = builds.of(single, known=False)
         row = parameter_row(single, own.loop.parameters)
         _, members, table_rows, steps = found.setdefault(id(own), (own, [], [], []))
         members.append(int(runs[i]))

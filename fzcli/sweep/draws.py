@@ -2,7 +2,7 @@
 
 import decimal
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any, Protocol
 
@@ -87,7 +87,79 @@ def _latin(width: int, count: int, seed: int) -> Array:
 
 def candidate(draws: Sequence[Drawn], random: Source) -> Array:
     """One drawn vector: the fields in the order of their paths, one after the other."""
-    return np.concatenate([_draw(one, random) for one in draws]) if draws else np.zeros(0)
+    found: Array = candidates(draws, [random])[0]
+    return found
+
+
+def candidates(draws: Sequence[Drawn], random: Sequence[Source]) -> Array:
+    """Drawn vectors (n, k), one from each source in turn; a source may stand there several times."""
+    raw = np.empty((len(random), sum(one.size for one in draws)))
+    parts = _parts(draws)
+    for row, source in zip(raw, random, strict=True):
+        for first, last, take in parts:
+            row[first:last] = take(source, last - first)
+    first = 0
+    for one in draws:
+        block = raw[:, first : first + one.size]
+        if one.distribution in ("uniform", "log_uniform", "normal"):
+            block[:] = _spread(one, block)
+        first += one.size
+    return raw
+
+
+_Take = Callable[[Source, int], Array]
+
+
+def _parts(draws: Sequence[Drawn]) -> list[tuple[int, int, _Take]]:
+    """Columns and how they are taken from a source; neighbours that take the same kind of number together."""
+    parts: list[tuple[int, int, _Take]] = []
+    first = 0
+    for one in draws:
+        last = first + one.size
+        if one.distribution in ("uniform", "log_uniform") and parts and parts[-1][2] is _random:
+            parts[-1] = parts[-1][0], last, _random
+        else:
+            parts.append((first, last, _taker(one)))
+        first = last
+    return parts
+
+
+def _taker(one: Drawn) -> _Take:
+    if one.distribution == "choice" and one.choices is not None:
+        choices = one.choices
+
+        def choose(source: Source, size: int) -> Array:
+            return np.asarray(choices[int(source.integers(len(choices)))], dtype=np.float64)
+
+        return choose
+    takers: dict[str, _Take] = {"sphere": _direction, "normal": _normal}
+    return takers.get(one.distribution, _random)
+
+
+def _random(source: Source, size: int) -> Array:
+    return source.random(size)
+
+
+def _normal(source: Source, size: int) -> Array:
+    return source.standard_normal(size)
+
+
+def _direction(source: Source, size: int) -> Array:
+    """Uniform on the unit sphere."""
+    while True:
+        direction = source.standard_normal(size)
+        length = math.sqrt(sum([part**2 for part in direction.tolist()]))  # no BLAS: the same bits anywhere
+        if length > 1e-8:
+            return np.asarray(direction / length)
+
+
+def _spread(one: Drawn, raw: Array) -> Array:
+    """Numbers (n, k) of a distribution from plain ones."""
+    if one.distribution == "normal":
+        return np.asarray(one.low + one.high * raw)
+    if one.distribution == "log_uniform":
+        return np.array([[_between(*ends) for ends in zip(one.low, one.high, row, strict=True)] for row in raw])
+    return np.asarray(one.low + (one.high - one.low) * raw)
 
 
 def _between(low: float, high: float, share: float) -> float:
@@ -95,20 +167,3 @@ def _between(low: float, high: float, share: float) -> float:
     with decimal.localcontext(decimal.Context(prec=30)):
         first, last = decimal.Decimal(float(low)), decimal.Decimal(float(high))
         return float(first * (last / first) ** decimal.Decimal(float(share)))
-
-
-def _draw(one: Drawn, random: Source) -> Array:
-    if one.distribution == "choice" and one.choices is not None:
-        return np.asarray(one.choices[random.integers(len(one.choices))])
-    if one.distribution == "sphere":
-        while True:
-            direction = random.standard_normal(one.size)
-            length = math.sqrt(sum(float(part) ** 2 for part in direction))  # no BLAS: the same bits anywhere
-            if length > 1e-8:
-                return np.asarray(direction / length)
-    if one.distribution == "normal":
-        return np.asarray(one.low + one.high * random.standard_normal(one.size))
-    share = random.random(one.size)
-    if one.distribution == "log_uniform":
-        return np.array([_between(*ends) for ends in zip(one.low, one.high, share, strict=True)])
-    return np.asarray(one.low + (one.high - one.low) * share)

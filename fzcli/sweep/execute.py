@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from fzcli.errors import FzcliError, SpecError, UnfinishedError
+from fzcli.errors import FzcliError, RecordError, SpecError, UnfinishedError
 from fzcli.record.hdf5 import Precision
 from fzcli.record.sweep_record import SweepRecord
 from fzcli.record.table import check_names
@@ -189,8 +189,11 @@ def merged(
     folder: Folder, worker: Worker, path: Path, table: TableSpec | None, listener: Listener, argv: Sequence[str]
 ) -> None:
     """Write the one file, and remove the shards unless it refers to them."""
-    with gathered(folder, worker, listener.tell, argv) as record:
-        referred = publish(record, path, folder, table)
+    try:
+        with gathered(folder, worker, listener.tell, argv) as record:
+            referred = publish(record, path, folder, table)
+    except RecordError as error:
+        raise _unfinished(str(error), folder) from error
     if not referred:
         folder.drop()
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fzcli.errors import RecordError, UnfinishedError
 from fzcli.loop.simulate import versions
-from fzcli.record.kept_in_shards import KeptInShards
+from fzcli.record.kept_in_files import KeptInShards
 from fzcli.record.scratch import Columns, Scratch
 from fzcli.record.shard_file import Shard, read_shard
 from fzcli.record.sweep_record import KeptRun, SweepRecord

@@ -124,7 +124,7 @@ class Simulations:
         ends, stops = np.full(piece.runs, np.nan), np.zeros(piece.runs, dtype=np.int64)
         known: list[set[str]] = [set() for _ in piece.configs]
         for build, runs, parameters, steps in _by_build(every, skip):
-            for i in {int(run) // count for run in runs}:
+            for i in np.unique(runs // count).tolist():
                 known[i] |= {metric.name for metric in build.loop.metrics}
             batch = self._engine(build, record=False).run(parameters, steps, jobs=self.jobs, progress=progress)
             for i, metric in enumerate(build.loop.metrics):

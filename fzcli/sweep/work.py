@@ -3,6 +3,7 @@
 import socket
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -19,6 +20,7 @@ from fzcli.sweep.plan_sweep import PlanSweep
 from fzcli.sweep.simulations import Simulations
 
 Worker = Simulations | Plans
+_ROOM: AbstractContextManager[object] = nullcontext()
 FAILED = STATUS_NAMES.index("failed")
 
 
@@ -45,14 +47,24 @@ def worker_of(sweep: AnySweep, identity: str, jobs: int = 1) -> Worker:
     return Plans(sweep, identity) if isinstance(sweep, PlanSweep) else Simulations(sweep, identity, jobs)
 
 
-def do(folder: Folder, worker: Worker, task: Task, progress: Callable[[int], None] | None = None) -> Done:
-    """Do a task. Raises RecordError where its shard cannot be written."""
+def do(
+    folder: Folder,
+    worker: Worker,
+    task: Task,
+    progress: Callable[[int], None] | None = None,
+    room: AbstractContextManager[object] = _ROOM,
+) -> Done:
+    """Do a task; ``room`` is held while it computes, not while it waits for the disk.
+
+    Raises RecordError where its shard cannot be written.
+    """
     begin = time.perf_counter()
     piece = folder.layout.piece(task.shard)
     if task.probe is not None:
         worker.probe(piece, range(*task.probe))
         return Done(0, 0, time.perf_counter() - begin)
-    shard = worker.shard(piece, frozenset(task.skip), progress)
+    with room:
+        shard = worker.shard(piece, frozenset(task.skip), progress)
     write_shard(shard, folder.shard(task.shard), folder.precision, UNSAID)
     return Done(piece.runs, int((shard.status == FAILED).sum()), time.perf_counter() - begin)
 

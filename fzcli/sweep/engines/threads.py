@@ -9,15 +9,19 @@ from fzcli.sweep.work import Done, Task
 
 
 class Threads:
-    """``do`` in ``jobs`` threads. They end with the process, whatever they are doing."""
+    """``do`` in threads, of which ``jobs`` compute while one more waits for the disk.
 
-    def __init__(self, do: Callable[[Task, Callable[[int], None]], Done], jobs: int) -> None:
-        self.window = jobs
+    They end with the process, whatever they are doing.
+    """
+
+    def __init__(self, do: Callable[..., Done], jobs: int) -> None:
+        self.window = jobs + 1
         self._do = do
+        self._room = threading.BoundedSemaphore(jobs)
         self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._done: queue.SimpleQueue[tuple[Task, Outcome]] = queue.SimpleQueue()
         self._under_way: dict[int, int] = {}  # shard -> runs done
-        self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(jobs)]
+        self._threads = [threading.Thread(target=self._work, daemon=True) for _ in range(self.window)]
         for thread in self._threads:
             thread.start()
 
@@ -49,7 +53,7 @@ class Threads:
         while (task := self._tasks.get()) is not None:
             outcome: Outcome
             try:
-                outcome = self._do(task, self._counter(task.shard))
+                outcome = self._do(task, self._counter(task.shard), self._room)
             except Exception as error:
                 outcome = error
             self._under_way.pop(task.shard, None)

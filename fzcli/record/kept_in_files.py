@@ -1,6 +1,7 @@
-"""Kept runs that lie in the shards of a sweep: read one shard at a time, each checked by its hash."""
+"""Kept runs that are read when they are asked for: all of a file at once, or those of one shard at a time."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import overload
 
@@ -8,6 +9,27 @@ from fzcli.errors import RecordError
 from fzcli.record.shard_file import read_kept_of, shard_hash
 from fzcli.record.sweep_record import KeptRun
 from fzcli.spec.result import Provenance
+
+
+class KeptInFile(Sequence[KeptRun]):
+    """``count`` runs of a sweep's file, all read by ``read`` when one is asked for."""
+
+    def __init__(self, count: int, read: Callable[[], tuple[KeptRun, ...]]) -> None:
+        self._count, self._read = count, read
+
+    def __len__(self) -> int:
+        return self._count
+
+    @overload
+    def __getitem__(self, index: int) -> KeptRun: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[KeptRun]: ...
+    def __getitem__(self, index: int | slice) -> KeptRun | Sequence[KeptRun]:
+        return self._runs[index]
+
+    @cached_property
+    def _runs(self) -> tuple[KeptRun, ...]:
+        return self._read()
 
 
 class KeptInShards(Sequence[KeptRun]):
