@@ -20,6 +20,7 @@ from fzcli.cli.status import status
 from fzcli.cli.sweep import sweep
 from fzcli.cli.table import table
 from fzcli.cli.train import train
+from fzcli.cli.tune import tune
 from fzcli.cli.validate import validate
 
 app = typer.Typer(
@@ -30,7 +31,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-_SWEEPS = (sweep, merge, status, check)
+_SWEEPS = (sweep, merge, status, check, tune)
 for command in (simulate, *_SWEEPS, plan, train, table, find, get, plot, info, validate, schema, init):
     app.command()(command)
 

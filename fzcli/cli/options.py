@@ -72,6 +72,7 @@ class Kind(StrEnum):
     sweep = "sweep"
     plan = "plan"
     train = "train"
+    tune = "tune"
 
 
 def table_width() -> int:

@@ -63,6 +63,10 @@ def check(path: Path) -> str:
         from fzcli.spec.any_robot import planar_of
 
         planar_of(document)
+    elif kind == "tune":
+        from fzcli.sweep.tune_spec import resolve_tuning
+
+        resolve_tuning(document)
     elif kind == "train":
         from fzcli.learn.train import train_of
 

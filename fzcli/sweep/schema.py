@@ -5,6 +5,7 @@ from typing import Any
 from fzcli.loop.run_spec import simulate_model
 from fzcli.spec.schema import schema_of
 from fzcli.sweep.sweep_spec import DISTRIBUTIONS, SweepFile
+from fzcli.sweep.tune_spec import TuneFile
 
 _Schema = dict[str, Any]
 _OPEN = ("controller", "reference", "base_reference")  # sections that come in kinds
@@ -34,6 +35,23 @@ def sweep_schema() -> _Schema:
     fields["start"] = {**definitions.pop("StartSpec"), "required": []}
     properties = {**own["properties"], **fields}
     return {**own, "$defs": definitions, "properties": properties, "required": ["kind"]}
+
+
+def tune_schema() -> _Schema:
+    """The JSON Schema of a tuning: a sweep's fields without its table, and what is varied."""
+    sweep, own = sweep_schema(), schema_of(TuneFile, "")
+    ends = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+    scale = {"type": "object", "properties": {"scale": ends}, "required": ["scale"], "additionalProperties": False}
+    definitions = {**sweep["$defs"], **own["$defs"], "Vary": {"anyOf": [ends, scale]}}
+    properties = {name: value for name, value in sweep["properties"].items() if name not in ("kind", "table")}
+    kind = {"const": "tune", "type": "string"}
+    return {
+        **sweep,
+        "title": "fzcli tuning",
+        "$defs": definitions,
+        "properties": {"kind": kind, **properties, **own["properties"]},
+        "required": ["kind", "tune"],
+    }
 
 
 def _alternatives(section: _Schema) -> list[str]:
