@@ -22,7 +22,9 @@ def tune(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PATH", help="The JSON file. Default: NAME/NAME.json beside the run file."),
+        typer.Option(
+            "--output", "-o", metavar="PATH", help="The JSON file. Default: NAME/NAME.json beside the run file."
+        ),
     ] = None,
     quiet: QuietOption = False,
 ) -> None:

@@ -53,11 +53,13 @@ class TuneSection(SpecModel):
     """What is varied, to what end, and how long."""
 
     vary: Annotated[
-        dict[str, Vary], Field(min_length=1, description="field of the run -> [LOW, HIGH] in SI, or {scale: [LOW, HIGH]}")
+        dict[str, Vary],
+        Field(min_length=1, description="field of the run -> [LOW, HIGH] in SI, or {scale: [LOW, HIGH]}"),
     ]
     minimise: Annotated[str, Field(description="metric whose mean over all runs is made small")]
     lost: Annotated[
-        str | None, Field(description="what makes a run count as lost; no more are than with the file's own numbers")
+        str | None,
+        Field(description="what makes a run count as lost; no more may be than with the file's own numbers"),
     ] = None
     held_out: Annotated[float, Field(ge=0, le=0.9, description="share of the trajectories kept for the judgement")] = 0.5
     candidates: Annotated[int, Field(ge=5, description="of a generation")] = 24

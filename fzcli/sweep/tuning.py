@@ -37,6 +37,7 @@ from fzcli.sweep.vary import changed, rounded
 
 Array = NDArray[np.float64]
 Tell = Callable[[str, int, int], None]
+Stop = Callable[[], bool]
 COMPARE = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
 
 
@@ -82,7 +83,7 @@ def identity_of(tuning: Tuning) -> str:
 
 
 def tune_to(
-    tuning: Tuning, path: Path, jobs: int | None = None, tell: Tell | None = None, stop: Callable[[], bool] | None = None
+    tuning: Tuning, path: Path, jobs: int | None = None, tell: Tell | None = None, stop: Stop | None = None
 ) -> Tuned:
     """Tune, and write the result as JSON to ``path``; a finished one is read from there.
 
@@ -114,7 +115,7 @@ class _Search:
     """One run of the evolution."""
 
     def __init__(
-        self, tuning: Tuning, journal: Path, scratch: Path, jobs: int, tell: Tell | None, stop: Callable[[], bool] | None
+        self, tuning: Tuning, journal: Path, scratch: Path, jobs: int, tell: Tell | None, stop: Stop | None
     ) -> None:
         self.tuning, self.section, self.sweep = tuning, tuning.section, tuning.sweep
         self.journal, self.scratch, self.jobs = journal, scratch, jobs
@@ -201,7 +202,7 @@ class _Search:
         return score.mean + self.unit * max(0, score.lost - self.allowed)
 
     def _score(self, values: tuple[float, ...], part: range) -> Score:
-        """Run all configurations on some trajectories, with these values in place of the file's own (empty: with those)."""
+        """Run all configurations on some trajectories, with these values, or the file's own where there are none."""
         means, lost, runs = [], 0, 0
         for spec in self.sweep.specs:
             run = changed(spec, self.section.vary, values) if values else spec

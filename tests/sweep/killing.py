@@ -24,7 +24,11 @@ from fzcli.sweep.meaning import AnySweep
 from fzcli.sweep.resolve import resolve
 from tests.loop.cases import raw_run
 
-VICTIMS = {"threads": ["driver"], "processes": ["driver", "worker", "worker"], "dask": ["driver", "worker", "scheduler"]}
+VICTIMS = {
+    "threads": ["driver"],
+    "processes": ["driver", "worker", "worker"],
+    "dask": ["driver", "worker", "scheduler"],
+}
 MOMENTS = {"threads": 0.5, "processes": 2.0, "dask": 2.0}  # seconds within which the next kill comes
 DRAW = {"reference.length": {"uniform": [0.05, 0.2]}, "reference.direction": {"sphere": 3}}
 
@@ -123,8 +127,9 @@ class Killer:
         self.scheduler_file.unlink(missing_ok=True)
         where = ["--scheduler-file", str(self.scheduler_file), "--no-dashboard"]
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        scheduler = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *where]
-        worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--death-timeout", "5", *where]
+        program = [sys.executable, "-m"]
+        scheduler = [*program, "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0", *where]
+        worker = [*program, "distributed.cli.dask_worker", "--nthreads", "1", "--death-timeout", "5", *where]
         self.cluster = [subprocess.Popen(scheduler, **quiet)]  # type: ignore[call-overload]
         while not self.scheduler_file.exists():
             time.sleep(0.05)
