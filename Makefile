@@ -13,7 +13,7 @@ NEW_ENOUGH := import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))
 help:
 	@echo "make demo    Table 2 of Bulgarelli et al. 2011: 10,000 simulations, printed, with file and figures"
 	@echo "make test    ruff, mypy, import-linter and pytest"
-	@echo "make bench   speed, side by side with a scripted loop, CasADi's own C, pink and the Robotics Toolbox"
+	@echo "make bench   speed and success, side by side with a scripted loop, CasADi's own C, pink, OMPL and others"
 	@echo "make clean   remove the virtual environment and caches (results in runs/ stay)"
 
 demo: $(STAMPS)/core
@@ -64,5 +64,5 @@ $(STAMPS)/test: $(STAMPS)/venv pyproject.toml
 $(STAMPS)/bench: $(STAMPS)/venv pyproject.toml
 	$(PIP) --editable ".[bench]"
 	$(PIP) --no-deps "pyfuzzylite>=8"
-	$(PIP) --editable ".[peers]" || echo "pink and the Robotics Toolbox did not install; measuring without them"
+	$(PIP) --editable ".[peers]" || echo "not all peers did install; measuring without them"
 	@touch $@ $(STAMPS)/core

@@ -1,8 +1,8 @@
 """All speed figures in one run, printed as ratios: ``make bench``.
 
 Every figure is a median over rounds in which the contestants take turns, so that a machine whose
-speed drifts slows all of them alike. Needs a C compiler, Pinocchio and pyfuzzylite; pink and the Robotics
-Toolbox are measured where they are installed.
+speed drifts slows all of them alike. Needs a C compiler, Pinocchio and pyfuzzylite; pink, the Robotics
+Toolbox, TRAC-IK and OMPL are measured where they are installed.
 """
 
 import itertools
@@ -17,10 +17,14 @@ from pathlib import Path
 import numpy as np
 import scripted_loop
 from casadi_c import CasadiC
+from inverse import inverse
+from online import online
 from plain_formulation import first_state, line_parameters, plain_loop
+from planning import planning
 from reaching import reaching
 from rounds import Contestant, take_turns
 from sweeps import sweeps
+from torque import torque_level
 
 import fzcli
 from fzcli.loop.assemble import closed_loop, parameter_row
@@ -52,6 +56,10 @@ def main() -> None:
     steps()
     reaching()
     sweeps()
+    inverse()
+    planning()
+    online()
+    torque_level()
     whole_processes()
 
 

@@ -74,9 +74,16 @@ def simulate(
     document = read_run(run)
     if isinstance(document.value, dict) and document.value.get("kind") == "plan":
         from fzcli.loop.execution import execute, mission_of
+        from fzcli.loop.plan_replay import replay_of, replayed
+        from fzcli.plan.load import with_sets
         from fzcli.record.execution_file import as_rollout
 
-        rollout = as_rollout(execute(mission_of(document, sets), argv))
+        mission = mission_of(document, sets)
+        replay = replay_of(with_sets(document, sets), mission)
+        execution = execute(mission, argv)
+        rollout = as_rollout(execution)
+        if replay is not None:
+            rollout = replayed(mission, execution, replay, rollout, argv)
         if output is not None:
             write_rollout(rollout, output, "f8")
         return rollout

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fzcli.loop.run_spec import SimulateRun
-    from fzcli.plan.planning import Task
+    from fzcli.plan.planning import AnyTask
     from fzcli.spec.robot import Link, Robot
     from fzcli.spec.rulebase import Rulebase
     from fzcli.sweep.resolve import Sweep
@@ -66,6 +66,12 @@ def _limits(link: "Link") -> str:
         parts.append(f"{low * scale:.6g} to {high * scale:.6g} {unit}")
     if joint.speed is not None:
         parts.append(f"{joint.speed * scale:.6g} {unit}/s")
+    if joint.effort is not None:
+        parts.append(f"{joint.effort:.6g} {'N' if straight else 'N m'}")
+    if joint.friction is not None:
+        viscous, coulomb = joint.friction.viscous, joint.friction.coulomb
+        units = ("N s/m", "N") if straight else ("N m s/rad", "N m")
+        parts.append(f"friction {viscous:.6g} {units[0]} and {coulomb:.6g} {units[1]}")
     return ", ".join(parts) or "no limits stated"
 
 
@@ -138,17 +144,22 @@ def describe_tuning(tuning: "Tuning") -> list[str]:
     return [*describe_sweep(tuning.sweep), *_facts_lines(facts)]
 
 
-def describe_plan(task: "Task") -> list[str]:
+def describe_plan(task: "AnyTask") -> list[str]:
     """What is planned: robot, start and goals, scene, pairs that are watched."""
+    from fzcli.plan.planar_task import PlanarTask
+
     spec, world = task.spec, task.world
-    base = "floating" if task.model.floating else "fixed"
+    pairs = [pair for pair in world.clearance.pairs if pair.solid >= 0]
+    base = "floating" if world.model.floating else "fixed"
     facts = {
         "kind": "plan",
         "about": spec.about,
         "robot": f"{spec.robot.name}, {base} base",
+        "branch": task.first.branch if isinstance(task, PlanarTask) else "",
         "goals": f"{len(task.goals)} final posture{'s' if len(task.goals) > 1 else ''}",
         "scene": ", ".join(world.scene.names),
-        "watched": f"{len(world.clearance.pairs)} pairs of solids, {1e3 * spec.margin:g} mm apart",
+        "watched": f"{len(pairs)} pairs of solids, {1e3 * spec.margin:g} mm apart",
+        "singularities": f"kept off by {task.spec.off_singular:g}" if isinstance(task, PlanarTask) else "",
         "own pairs left out": "; ".join(f"{pair}: {why}" for pair, why in world.clearance.own.left_out),
         "planner": spec.planner.kind,
     }

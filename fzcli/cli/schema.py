@@ -31,7 +31,7 @@ def schema(
 def all_schemas() -> dict[str, dict[str, Any]]:
     """Kind -> JSON Schema."""
     from fzcli.learn.train_spec import TrainRun
-    from fzcli.plan.plan_spec import PlanRun
+    from fzcli.plan.planar_spec import AnyRun
     from fzcli.spec.schema import json_schema, schema_of
     from fzcli.sweep.schema import simulate_schema, sweep_schema, tune_schema
 
@@ -41,7 +41,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "rulebase": json_schema("rulebase"),
         "simulate": simulate_schema(),
         "sweep": sweep_schema(),
-        "plan": schema_of(PlanRun, "fzcli plan"),
+        "plan": schema_of(AnyRun, "fzcli plan"),
         "train": schema_of(TrainRun, "fzcli training"),
         "tune": tune_schema(),
     }

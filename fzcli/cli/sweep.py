@@ -57,9 +57,10 @@ def sweep(
 ) -> None:
     """Run a sweep and print its table.
 
-    Every configuration runs on every trajectory; the result goes to an HDF5 file. The same command goes on with a
-    sweep that was stopped or killed, and prints the table of a finished one. The first Ctrl-C lets the shards in
-    flight finish. Ends with 1 when runs failed that the file does not expect to fail, with 3 when it is not finished.
+    Every configuration runs on every trajectory; runs are simulations or, by `run: plan`, plans. The result goes to an
+    HDF5 file. The same command goes on with a sweep that was stopped or killed, and prints the table of a finished
+    one. The first Ctrl-C lets the shards in flight finish. Ends with 1 when runs failed that the file does not expect
+    to fail, with 3 when it is not finished.
     """
     from fzcli.cli.progress import Progress
     from fzcli.cli.sources import run_source

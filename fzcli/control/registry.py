@@ -3,7 +3,7 @@
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
-from fzcli.control import clik, dls, fabrik, fuzzy_clik, unconstrained
+from fzcli.control import clik, dls, fabrik, fuzzy_clik, reaction_null_space, unconstrained
 from fzcli.control.law import Controller
 from fzcli.errors import UsageError
 
@@ -15,6 +15,7 @@ _OWN = (
     Controller(fuzzy_clik.FuzzyClikSpec, fuzzy_clik.build),
     Controller(fabrik.FabrikSpec, fabrik.build, fabrik.misfits),
     Controller(dls.DlsSpec, dls.build, dls.misfits),
+    Controller(reaction_null_space.ReactionNullSpaceSpec, reaction_null_space.build, reaction_null_space.misfits),
 )
 
 

@@ -1,4 +1,4 @@
-"""Training by gradient with scikit-learn: the paper's batch descent with momentum, and Adam for large networks."""
+"""Training by Adam with scikit-learn, for large networks."""
 
 import warnings
 from typing import Any
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fzcli.errors import Problem, SpecError, UsageError
 from fzcli.learn.levenberg_marquardt import Layers
 from fzcli.learn.network import Activation
-from fzcli.learn.trainers import AdamSpec, MomentumSpec
+from fzcli.learn.trainers import AdamSpec
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ def train(
     targets: Array,
     hidden: tuple[int, ...],
     activation: Activation,
-    spec: MomentumSpec | AdamSpec,
+    spec: AdamSpec,
     seed: int,
 ) -> Layers:
     """Weights and biases that map coded inputs (N, i) to coded targets (N, o).
@@ -28,26 +28,16 @@ def train(
         UsageError: scikit-learn is not installed.
         SpecError: the training diverged; a smaller rate is advised.
     """
-    regressor = _regressor_class()
     shape: dict[str, Any] = {"hidden_layer_sizes": hidden, "activation": activation, "alpha": 0.0, "random_state": seed}
-    if isinstance(spec, MomentumSpec):
-        endless = {"max_iter": spec.iterations, "n_iter_no_change": spec.iterations + 1, "tol": 0.0}
-        descent = {"solver": "sgd", "learning_rate_init": spec.rate, "momentum": spec.momentum}
-        batch = {"batch_size": len(inputs), "shuffle": False, "nesterovs_momentum": False}
-        network = regressor(**shape, **endless, **descent, **batch)
-        _fit(network, inputs, targets, f"{spec.rate:g}")
-    else:
-        endless = {"max_iter": spec.epochs, "n_iter_no_change": spec.epochs + 1, "tol": 0.0}
-        batch = {"batch_size": min(spec.batch, len(inputs)), "warm_start": True}
-        network = regressor(solver="adam", **shape, **endless, **batch)
-        narrow = inputs.astype(np.float32), targets.astype(np.float32)  # twice as fast; Adam's noise is far larger
-        for rate in spec.rates:
-            network.set_params(learning_rate_init=rate)
-            _fit(network, *narrow, f"{rate:g}")
+    endless = {"max_iter": spec.epochs, "n_iter_no_change": spec.epochs + 1, "tol": 0.0}
+    batch = {"batch_size": min(spec.batch, len(inputs)), "warm_start": True}
+    network = _regressor_class()(solver="adam", **shape, **endless, **batch)
+    narrow = inputs.astype(np.float32), targets.astype(np.float32)  # twice as fast; Adam's noise is far larger
+    for rate in spec.rates:
+        network.set_params(learning_rate_init=rate)
+        _fit(network, *narrow, f"{rate:g}")
     weights = tuple(np.asarray(one, dtype=float) for one in network.coefs_)
     biases = tuple(np.asarray(one, dtype=float) for one in network.intercepts_)
-    if isinstance(spec, MomentumSpec):
-        return weights, biases
     return _best_output(inputs, targets, weights, biases, activation)
 
 
@@ -70,7 +60,7 @@ def _regressor_class() -> Any:
     try:
         from sklearn.neural_network import MLPRegressor
     except ImportError:
-        text = "trainers 'momentum' and 'adam' need scikit-learn: pip install 'fzcli[learn]'"
+        text = "trainer 'adam' needs scikit-learn: pip install 'fzcli[learn]'"
         raise UsageError(text) from None
     return MLPRegressor
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from fzcli.errors import Problem, SpecError
-from fzcli.learn import gradient, levenberg_marquardt
+from fzcli.learn import gradient, levenberg_marquardt, momentum
 from fzcli.learn.arm_inverse import arm_inverse
 from fzcli.learn.judge import Trained, judge
 from fzcli.learn.kinematic_map import KinematicMap, Samples
@@ -115,6 +115,8 @@ def fit(spec: TrainRun, map: KinematicMap, label: str, samples: Samples, rng: np
     hidden, activation = spec.network.hidden, spec.network.activation
     if spec.trainer.kind == "levenberg_marquardt":
         weights, biases = levenberg_marquardt.train(x, y, hidden[0], spec.trainer, rng)
+    elif spec.trainer.kind == "momentum":
+        weights, biases = momentum.train(x, y, hidden, activation, spec.trainer, rng)
     else:
         seed = int(rng.integers(2**31))
         weights, biases = gradient.train(x, y, hidden, activation, spec.trainer, seed)

@@ -20,7 +20,7 @@ class LevenbergMarquardtSpec(SpecModel):
 
 
 class MomentumSpec(SpecModel):
-    """Gradient descent with momentum on the whole training set, as Parsa 2008 says (scikit-learn)."""
+    """Gradient descent with momentum on the whole training set, as Parsa 2008 says."""
 
     kind: Literal["momentum"]
     iterations: Annotated[int, Field(ge=1)] = 30_000

@@ -11,6 +11,7 @@ from fzcli.loop.closed_loop import ClosedLoop, build_closed_loop
 from fzcli.loop.parts import Parts
 from fzcli.loop.plant import kinematic_plant
 from fzcli.loop.run_spec import SimulateRun
+from fzcli.loop.torque_loop import with_replay
 from fzcli.model import RobotModel, build_model
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
 from fzcli.spec.quantity import Parameter
@@ -37,7 +38,9 @@ def closed_loop(spec: SimulateRun, record: bool, model: RobotModel | None = None
         drifting=spec.start.drifting,
         stop=spec.stop,
     )
-    return build_closed_loop(parts, record)
+    if spec.replay is None:
+        return build_closed_loop(parts, record)
+    return with_replay(build_closed_loop(parts, record=False), parts, spec.replay, record)
 
 
 def _settled(spec: SimulateRun) -> Any:

@@ -7,6 +7,7 @@ import casadi as ca
 
 from fzcli.control.law import Law, LawInputs
 from fzcli.errors import UsageError
+from fzcli.loop.adaptive import AdaptiveStep
 from fzcli.loop.arrival import Arrival, Motion, Target, arrival
 from fzcli.loop.certificate import Certifier
 from fzcli.loop.parts import Parts
@@ -30,6 +31,7 @@ class ClosedLoop:
     samples 0..N; ``stop`` other than 0 ends it at that sample, but -1 pauses it before the step, until the
     ``search`` has put its result into the state. ``signals`` is empty in a loop built for metrics only. ``path_piece``:
     see `fzcli.model.gauss_magnus.path_piece`; only of a recorded loop that floats with zero momentum.
+    ``adaptive``: the host's integrator inside the step, which the virtual machine alone can call.
     """
 
     initial: ca.Function
@@ -45,6 +47,7 @@ class ClosedLoop:
     joint_units: tuple[str, ...]
     search: SearchLoop | None = None
     path_piece: ca.Function | None = None
+    adaptive: AdaptiveStep | None = None
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.control.law import NOT_FOUND
+from fzcli.loop.adaptive import AdaptiveMachine
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.compiler import find_compiler
 from fzcli.loop.engine import Batch, CompiledEngine, Engine, Resume, VirtualMachine
@@ -128,9 +129,11 @@ def _joined(pieces: list[Batch], n_steps: NDArray[np.int64]) -> Batch:
 def make_engine(loop: ClosedLoop, lanes: int | None = None, folder: Path | None = None) -> Engine:
     """The compiled engine where there is a C compiler, else the virtual machine; with its law's search.
 
-    ``folder``: where what is compiled is put, in place of the cache.
+    A loop with the adaptive integrator runs in the virtual machine. ``folder``: where what is compiled is put, in
+    place of the cache.
     """
-    engine, searcher = _plain_engine(loop, lanes, folder), searcher_of(loop)
+    engine: Engine = AdaptiveMachine(loop, loop.adaptive) if loop.adaptive else _plain_engine(loop, lanes, folder)
+    searcher = searcher_of(loop)
     return engine if searcher is None else SearchingEngine(engine, searcher)
 
 

@@ -9,28 +9,28 @@ import numpy as np
 from fzcli.errors import SpecError
 from fzcli.plan.belief import believed, changed, seen_now
 from fzcli.plan.braked_path import BrakedPath
-from fzcli.plan.detour_planner import Attempt, certified
+from fzcli.plan.detour_planner import Attempt
 from fzcli.plan.joint_path import JointPath
-from fzcli.plan.load import origin_of, plan_of, prepared
+from fzcli.plan.load import any_plan_of, origin_of, prepare_any, prepared, with_sets
 from fzcli.plan.online import Answer, Situation, respond, warm
 from fzcli.plan.plan import Plan
-from fzcli.plan.plan_spec import DetourPlannerSpec, PlanRun
-from fzcli.plan.planning import Task, prepare, solve
-from fzcli.plan.result import as_plan
+from fzcli.plan.plan_spec import DetourFields
+from fzcli.plan.planar_result import as_any_plan
+from fzcli.plan.planar_spec import AnyRun
+from fzcli.plan.planning import AnyTask, solve
 from fzcli.plan.scene import build_scene
-from fzcli.plan.world import Path, World, build_world
+from fzcli.plan.world import AnyWorld, Path
 from fzcli.spec.document import Document
 from fzcli.spec.result import Status
-from fzcli.spec.sets import apply_sets
 
 
 @dataclass(frozen=True)
 class Mission:
     """A plan to be followed. ``known``: the task of planning it with what is known at first; ``world``: as it is."""
 
-    spec: PlanRun
-    known: Task
-    world: World
+    spec: AnyRun
+    known: AnyTask
+    world: AnyWorld
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Execution:
 
 def mission_of(document: Document, sets: Sequence[str] = ()) -> Mission:
     """Validate a plan that is to be followed. Raises SpecError with every problem found."""
-    document = apply_sets(document, sets) if sets else document
-    spec = plan_of(document)
+    document = with_sets(document, sets)
+    spec = any_plan_of(document)
     late = [i for i, one in enumerate(spec.scene) if (one.seen_at_step or 0) >= spec.steps]
     if late:
         text = f"comes after the last step: the path has {spec.steps}"
@@ -64,7 +64,7 @@ def mission_of(document: Document, sets: Sequence[str] = ()) -> Mission:
     return build_mission(spec, lambda known: prepared(document, known))
 
 
-def build_mission(spec: PlanRun, prepare: Callable[[PlanRun], Task] = prepare) -> Mission:
+def build_mission(spec: AnyRun, prepare: Callable[[AnyRun], AnyTask] = prepare_any) -> Mission:
     """A plan to be followed; ``prepare`` makes the task of planning with what is known at first.
 
     Raises SpecError with every problem found.
@@ -72,7 +72,7 @@ def build_mission(spec: PlanRun, prepare: Callable[[PlanRun], Task] = prepare) -
     scene = build_scene(spec.scene)
     known = tuple(one for one in scene.named if one.known)
     task = prepare(spec.model_copy(update={"scene": known}))
-    return Mission(spec, task, build_world(task.model, scene, spec.start.base_position, spec.start.base_quat))
+    return Mission(spec, task, task.world.among(scene))
 
 
 def execute(mission: Mission, argv: Sequence[str] = ()) -> Execution:
@@ -86,9 +86,9 @@ def execute(mission: Mission, argv: Sequence[str] = ()) -> Execution:
     step = path.duration / mission.spec.steps
     warm(_situation(mission, mission.world, path, 0, step))
     path, events = _followed(mission, path, step)
-    task = replace(mission.known, spec=mission.spec, world=mission.world)
-    attempt = Attempt(path, _method(events), _cost(mission, path), certified(mission.world, path, np.inf))
-    plan = as_plan(task, attempt, origin_of(mission.spec, argv))
+    task = mission.known.among(mission.spec, mission.world.scene)
+    attempt = Attempt(path, _method(events), _cost(mission, path), task.judged(path))
+    plan = as_any_plan(task, attempt, origin_of(mission.spec, argv))
     followed = _inner(path)
     detours = followed.detours if isinstance(followed, JointPath) else ()
     plan = replace(plan, detours=detours, status=_status(mission, plan, attempt, events))
@@ -108,7 +108,7 @@ def _followed(mission: Mission, path: Path, step: float) -> tuple[Path, tuple[Ev
             continue
         belief = sight
         begin = time.perf_counter()
-        answer = respond(_situation(mission, replace(truth, scene=belief), path, number, step), spec.execution.answer)
+        answer = respond(_situation(mission, truth.among(belief), path, number, step), spec.execution.answer)
         events.append(Event(number, now, answer, time.perf_counter() - begin))
         path = answer.path
         if answer.kind == "stop":  # for good
@@ -116,15 +116,15 @@ def _followed(mission: Mission, path: Path, step: float) -> tuple[Path, tuple[Ev
     return path, tuple(events)
 
 
-def _situation(mission: Mission, world: World, path: Path, number: int, step: float) -> Situation:
-    spec, n = mission.spec, mission.known.model.n
+def _situation(mission: Mission, world: AnyWorld, path: Path, number: int, step: float) -> Situation:
+    spec, n = mission.spec, mission.known.world.model.n
     weights = _weights(spec, n)
     limits = mission.known.accelerations
     return Situation(world, path, number, spec.steps, step, weights, limits, spec.margin, spec.execution.evaluations)
 
 
-def _weights(spec: PlanRun, n: int) -> np.ndarray:
-    given = spec.planner.weights if isinstance(spec.planner, DetourPlannerSpec) else None
+def _weights(spec: AnyRun, n: int) -> np.ndarray:
+    given = spec.planner.weights if isinstance(spec.planner, DetourFields) else None
     return np.array(given or (1.0,) * n)
 
 

@@ -11,6 +11,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from fzcli.control.registry import controllers
+from fzcli.loop.replay_spec import ReplaySpec, replay_misfits, replay_model
 from fzcli.plan.base_reference import BaseHoldSpec
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
 from fzcli.spec.base import SpecModel
@@ -82,6 +83,15 @@ class BoundsSpec(SpecModel):
     quaternion_norm_error: Annotated[float | None, Field(gt=0)] = 1e-9
     joint_excess: Annotated[float | None, Field(ge=0, description="beyond a joint's position or speed limit")] = 1e-9
     singular_value: Annotated[float | None, Field(gt=0, description="smallest singular value of the task")] = None
+    energy_balance: Annotated[
+        float | None, Field(gt=0, description="energy error at torque level, over the largest kinetic energy")
+    ] = 1e-4
+    tip_deviation: Annotated[
+        Length | None, Field(gt=0, description="largest, of the tip at torque level from the motion followed")
+    ] = None
+    yaw_deviation: Annotated[
+        Angle | None, Field(gt=0, description="largest, of the base's yaw at torque level from the motion followed")
+    ] = None
 
 
 class StopSpec(SpecModel):
@@ -152,6 +162,9 @@ class SimulateRun(SpecModel):
         Literal["kinematic", "translation_only"],
         Field(description="the base follows momentum; or it only translates, the true turn being carried along"),
     ] = "kinematic"
+    replay: Annotated[
+        ReplaySpec | None, Field(description="the run's motion followed at torque level; none: the run itself")
+    ] = None
     duration: Annotated[Duration | None, Field(gt=0, description="of the run; that of the reference by default")] = None
     stop: Annotated[StopSpec | None, Field(description="when the tip has arrived at its target")] = None
     bounds: BoundsSpec = BoundsSpec()
@@ -184,6 +197,9 @@ def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
     check = controllers()[spec.controller.kind].misfits
     if check is not None:
         yield from check(spec.robot, spec.controller)
+    if spec.replay is not None:
+        for path, text in replay_misfits(spec.robot, spec.replay):
+            yield ("replay", *path), text
     if tip is not None and tip not in spec.robot.tips:
         yield ("controller", "tip"), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"
 
@@ -235,12 +251,14 @@ def _unaimed(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
 @cache
 def simulate_model() -> type[SimulateRun]:
     """SimulateRun with its open fields bound to the kinds that exist, for validation and JSON Schema."""
+    replay: Any = replay_model() | None
     return create_model(
         "SimulateRun",
         __base__=SimulateRun,
         reference=(_union(kind.spec for kind in TIP_REFERENCES.values()), ...),
         base_reference=(_union(kind.spec for kind in BASE_REFERENCES.values()), BaseHoldSpec()),
         controller=(_union(entry.spec for entry in controllers().values()), ...),
+        replay=(replay, None),
     )
 
 

@@ -23,6 +23,7 @@ from fzcli.loop.replay import ATTITUDE_ERROR, attitude_error
 from fzcli.loop.rollout import Rollout
 from fzcli.loop.run_spec import BoundsSpec, SimulateRun, misfits, simulate_model
 from fzcli.loop.verdict import BOUNDED, OUTCOME, outcomes, status_of
+from fzcli.spec.base import SpecModel
 from fzcli.spec.document import Document
 from fzcli.spec.hashing import spec_hash
 from fzcli.spec.library import find
@@ -37,6 +38,7 @@ from fzcli.spec.sets import apply_sets
 from fzcli.spec.units import quantity
 
 Array = NDArray[np.float64]
+KINEMATIC = "kinematic"  # the variant that a run at torque level follows
 STATE_SIGNALS = ("q", "qd", "base_position", "base_quat", "base_twist", "tip_position", "tip_quat")
 
 
@@ -124,15 +126,24 @@ def variant(document: Document, changes: dict[str, Any]) -> Document:
 
 
 def fitted(document: Document) -> Document:
-    """Without the controller's fields that its kind lacks but another kind knows."""
+    """Without the fields of a controller, of the run or its replay, that its kind lacks but another kind knows."""
     from fzcli.control.registry import controllers
+    from fzcli.control.torque.registry import TORQUE_CONTROLLERS
 
-    controller = document.value.get("controller") if isinstance(document.value, dict) else None
-    if not isinstance(controller, dict) or controller.get("kind") not in controllers():
+    own = {kind: entry.spec for kind, entry in controllers().items()}
+    torque = {kind: entry.spec for kind, entry in TORQUE_CONTROLLERS.items()}
+    return _fitted(_fitted(document, ("controller",), own), ("replay", "controller"), torque)
+
+
+def _fitted(document: Document, place: tuple[str, ...], kinds: Mapping[str, type[SpecModel]]) -> Document:
+    found: Any = document.value
+    for key in place:
+        found = found.get(key) if isinstance(found, dict) else None
+    if not isinstance(found, dict) or found.get("kind") not in kinds:
         return document
-    own = controllers()[controller["kind"]].spec.model_fields
-    elsewhere = {name for entry in controllers().values() for name in entry.spec.model_fields}
-    return without(document, [key for key in controller if key in elsewhere and key not in own], "controller")
+    own = kinds[found["kind"]].model_fields
+    elsewhere = {name for spec in kinds.values() for name in spec.model_fields}
+    return without(document, [key for key in found if key in elsewhere and key not in own], *place)
 
 
 def simulate(spec: SimulateRun, argv: Sequence[str] = ()) -> Rollout:
@@ -145,7 +156,9 @@ def simulate(spec: SimulateRun, argv: Sequence[str] = ()) -> Rollout:
 
 
 def simulate_all(spec: SimulateRun, variants: Mapping[str, SimulateRun], argv: Sequence[str] = ()) -> Rollout:
-    """The run, with its variants beside it."""
+    """The run, with its variants beside it; of one at torque level also the motion that it follows."""
+    if spec.replay is not None and KINEMATIC not in variants:
+        variants = {KINEMATIC: spec.model_copy(update={"replay": None}), **variants}
     beside = {name: simulate(variant, argv) for name, variant in variants.items()}
     return replace(simulate(spec, argv), variants=beside)
 

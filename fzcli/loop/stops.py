@@ -37,6 +37,12 @@ STOP_REASONS = {
         "the base's pitch came within 1e-6 rad of 90 deg, where roll and yaw are undefined",
         "use controller.constraint: [rotation_vector], which has no such attitude",
     ),
+    4: StopReason(
+        "unstable",
+        "at torque level joints are faster than 1e4 rad/s, or the motion is not a number: "
+        "the step of torque control and integration is too large for these gains",
+        "raise replay.substeps or lower the gains of replay.controller; the data up to here is kept",
+    ),
     3: StopReason("arrived", "the tip has reached its target", "", failed=False),
 }
 PAUSED = -1  # the law asks for its search before this step; never the end of a run

@@ -22,11 +22,17 @@ BOUNDED = {
     "joint_speed_excess_max": "joint_excess",
     "joint_limit_excess_max": "joint_excess",
     "singular_value_min": "singular_value",
+    "energy_balance_max": "energy_balance",
+    "tip_deviation_max": "tip_deviation",
+    "yaw_deviation_max": "yaw_deviation",
 }
 ADVICE = {
     "tip_error_max": "the tip lost its reference: lower the gain, or move the task away from singular postures",
     "joint_speed_excess_max": "slow the reference down",
     "joint_limit_excess_max": "choose another start posture",
+    "energy_balance_max": "raise replay.substeps: the integration is too coarse for these torques",
+    "tip_deviation_max": "raise the gains of replay.controller and replay.substeps, or lower the run's own gain",
+    "yaw_deviation_max": "hold the base by replay.controller.base, or lower the run's own gain",
     "singular_value_min": "raise controller.damping or choose another start posture",
 }
 

@@ -74,6 +74,21 @@ def joint_inertia(momenta: Momenta, free: bool) -> ca.SX:
     return M
 
 
+def momentum_of(momenta: Momenta, velocity: ca.SX, rate: ca.SX, qd: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Linear momentum (3), and angular about the CoM (3); ``velocity``, ``rate`` (3) of the base frame; base axes."""
+    linear = momenta.mass * (velocity + cross(rate, momenta.frame.com)) + ca.mtimes(momenta.linear, qd)
+    return linear, rotate(momenta.frame.inertia, rate) + ca.mtimes(momenta.angular, qd)
+
+
+def kinetic_energy(momenta: Momenta, velocity: ca.SX, rate: ca.SX, qd: ca.SX) -> ca.SX:
+    """Of all bodies [J]; ``velocity``, ``rate`` (3) of the base frame, base axes."""
+    velocity = velocity + cross(rate, momenta.frame.com)
+    linear, angular = ca.mtimes(momenta.linear, qd), ca.mtimes(momenta.angular, qd)
+    energy = 0.5 * dot(qd, ca.mtimes(joint_inertia(momenta, free=False), qd))
+    energy = energy + dot(velocity, 0.5 * momenta.mass * velocity + linear)
+    return energy + dot(rate, 0.5 * rotate(momenta.frame.inertia, rate) + angular)
+
+
 @dataclass(frozen=True)
 class Bias:
     """Forces of a motion without acceleration: ``joints`` (n), ``force`` (3), ``moment`` (3) about the CoM."""

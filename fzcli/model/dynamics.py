@@ -13,7 +13,15 @@ import casadi as ca
 
 from fzcli.model.algebra import cross, dot, rotate
 from fzcli.model.attitude import rotation_matrix
-from fzcli.model.balance import Momenta, build_momenta, joint_inertia, moved_to_com, tip_place
+from fzcli.model.balance import (
+    Momenta,
+    build_momenta,
+    joint_inertia,
+    kinetic_energy,
+    momentum_of,
+    moved_to_com,
+    tip_place,
+)
 from fzcli.model.composite import Composite
 from fzcli.model.newton_euler import Motion, Wrench, newton_euler
 from fzcli.model.payload import PAYLOAD, loaded_bodies
@@ -141,25 +149,30 @@ def _system_momentum(model: "RobotModel", tip: str) -> ca.Function:
     """momentum (6), linear then angular about the CoM; com (3) from the base frame's origin; payload included."""
     its = Symbols(model, tip)
     momenta = its.momenta()
-    velocity, rate = its.in_base("base_twist")
-    com = momenta.frame.com
-    linear = momenta.mass * (velocity + cross(rate, com)) + ca.mtimes(momenta.linear, its.qd)
-    angular = rotate(momenta.frame.inertia, rate) + ca.mtimes(momenta.angular, its.qd)
-    outputs = {"momentum": its.in_world(linear, angular), "com": rotate(its.R, com)}
+    linear, angular = momentum_of(momenta, *its.in_base("base_twist"), its.qd)
+    outputs = {"momentum": its.in_world(linear, angular), "com": rotate(its.R, momenta.frame.com)}
     return its.function("system_momentum", "q base_quat qd base_twist payload", outputs)
 
 
 def _kinetic_energy(model: "RobotModel", tip: str) -> ca.Function:
     """energy [J] of the whole system, payload included."""
     its = Symbols(model, tip)
+    energy = kinetic_energy(its.momenta(), *its.in_base("base_twist"), its.qd)
+    return its.function("kinetic_energy", "q base_quat qd base_twist payload", {"energy": energy})
+
+
+def _tip_state(model: "RobotModel", tip: str) -> ca.Function:
+    """position (3) of the tip from the base frame's origin, rotation (3, 3), twist (6): geometry alone, no mass."""
+    its = Symbols(model, tip)
     momenta = its.momenta()
     velocity, rate = its.in_base("base_twist")
-    velocity = velocity + cross(rate, momenta.frame.com)
-    linear, angular = ca.mtimes(momenta.linear, its.qd), ca.mtimes(momenta.angular, its.qd)
-    energy = 0.5 * dot(its.qd, ca.mtimes(joint_inertia(momenta, free=False), its.qd))
-    energy = energy + dot(velocity, 0.5 * momenta.mass * velocity + linear)
-    energy = energy + dot(rate, 0.5 * rotate(momenta.frame.inertia, rate) + angular)
-    return its.function("kinetic_energy", "q base_quat qd base_twist payload", {"energy": energy})
+    point, rotation = tip_place(momenta, its.tip)
+    outputs = {
+        "position": rotate(its.R, point),
+        "rotation": ca.mtimes(its.R, rotation),
+        "twist": its.in_world(*tip_twist(momenta, its.tip, its.qd, velocity, rate)),
+    }
+    return its.function("tip_state", "q base_quat qd base_twist", outputs)
 
 
 def _power(model: "RobotModel", tip: str) -> ca.Function:
@@ -226,6 +239,7 @@ DYNAMICS = {
     "inverse_dynamics": _inverse_dynamics,
     "system_momentum": _system_momentum,
     "kinetic_energy": _kinetic_energy,
+    "tip_state": _tip_state,
     "power": _power,
     "friction": _friction,
     "limited_torque": _limited_torque,

@@ -22,8 +22,9 @@ from fzcli.model.balance import (
     tip_place,
 )
 from fzcli.model.dynamics import Symbols, friction_torque, outer_forces, tip_twist
-from fzcli.model.newton_euler import Wrench
+from fzcli.model.newton_euler import Motion, Wrench
 from fzcli.model.payload import about_tip
+from fzcli.model.tree import TipFrame
 
 if TYPE_CHECKING:
     from fzcli.model.robot_model import RobotModel
@@ -107,26 +108,43 @@ def _grasp(model: "RobotModel", tip: str) -> ca.Function:
     check_inertia(model)
     its = Symbols(model, tip)
     momenta = its.momenta()
-    point, rotation = tip_place(momenta, its.tip)
     velocity, rate = its.in_base("base_twist")
-    linear, angular = tip_twist(momenta, its.tip, its.qd, velocity, rate)
-    own_linear, own_angular = its.in_base("payload_twist")
-    load = about_tip(its.symbols["payload"])
+    jump, moved = grasp_jump(
+        momenta, its.tip, (velocity, rate, its.qd), its.symbols["payload"], its.in_base("payload_twist")
+    )
+    outputs = {
+        "qd_next": its.qd + jump,
+        "base_twist_next": its.symbols["base_twist"] + its.in_world(moved.linear, moved.angular),
+    }
+    return its.function("grasp", "q base_quat qd base_twist payload payload_twist", outputs)
+
+
+def grasp_jump(
+    momenta: Momenta,
+    tip: TipFrame,
+    before: tuple[ca.SX, ca.SX, ca.SX],
+    payload: ca.SX,
+    own: tuple[ca.SX, ca.SX],
+) -> tuple[ca.SX, Motion]:
+    """By how much qd (n) and the base's velocity jump when the tip seizes a payload (10); base axes.
+
+    ``momenta`` has the payload in it; ``before``: velocity and rate (3) of the base frame, qd; ``own``: velocity
+    and rate (3) of the payload at the tip.
+    """
+    point, rotation = tip_place(momenta, tip)
+    linear, angular = tip_twist(momenta, tip, before[2], before[0], before[1])
+    load = about_tip(payload)
     h = rotate(rotation, load.first_moment)
-    faster, turning = own_linear - linear, own_angular - angular
+    faster, turning = own[0] - linear, own[1] - angular
     blow = Wrench(
         load.mass * faster + cross(turning, h),
         rotate(rotation, rotate(load.tensor, rotate(rotation.T, turning))) + cross(h, faster),
     )
     at_com = moved_to_com(momenta, blow, point)
-    none = Bias(ca.SX.zeros(model.n), ca.SX.zeros(3), ca.SX.zeros(3))
-    beside = drift(momenta, none, at_com, joint_share(momenta, its.tip, at_com))
-    jump = symmetric_solve(joint_inertia(momenta, its.tree.floating), -beside)
-    outputs = {
-        "qd_next": its.qd + jump,
-        "base_twist_next": its.symbols["base_twist"] + _base_in_world(its, momenta, none, at_com, jump),
-    }
-    return its.function("grasp", "q base_quat qd base_twist payload payload_twist", outputs)
+    none = Bias(ca.SX.zeros(before[2].shape[0]), ca.SX.zeros(3), ca.SX.zeros(3))
+    beside = drift(momenta, none, at_com, joint_share(momenta, tip, at_com))
+    jump = symmetric_solve(joint_inertia(momenta, momenta.tree.floating), -beside)
+    return jump, base_acceleration(momenta, none, at_com, jump)
 
 
 FORWARD = {

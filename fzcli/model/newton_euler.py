@@ -71,7 +71,7 @@ def newton_euler(
         motions.append(_carried(body, carrier, carrier.linear + at_joint, turns[i], qd[i], qdd[i]))
         fields.append(acceleration_matrix(motions[-1]))
     bodies_first = zip(parts, [*motions[1:], base], [*fields[1:], fields[0]], strict=True)
-    forces = [_inertial(part, motion.linear, field) for part, motion, field in bodies_first]
+    forces = [inertial_wrench(part, motion.linear, field) for part, motion, field in bodies_first]
     if load is not None:
         forces[load[0].body] = forces[load[0].body].minus(_on_body(tree, turns, *load))
     own_base = forces[-1]
@@ -114,7 +114,7 @@ def _carried(body: Body, carrier: Motion, at_joint: ca.SX, turn: ca.SX, qd: ca.S
     return Motion(rate + relative, angular + cross(rate, relative) + axis * qdd, linear)
 
 
-def _inertial(part: Composite, linear: ca.SX, field: ca.SX) -> Wrench:
+def inertial_wrench(part: Composite, linear: ca.SX, field: ca.SX) -> Wrench:
     """The wrench about the frame's origin that gives a body its motion: the sums of dm a and dm p x a.
 
     The second is the skew part of A J with the second moments of mass J = tr(I)/2 E - I, which are sparse

@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.plan.scene import STILL, Obstacle, Scene
-from fzcli.plan.world import Path, World
+from fzcli.plan.world import AnyWorld, Path
 
 Array = NDArray[np.float64]
 FAR = np.array([0.0, 0.0, 1e4])  # m: where an obstacle waits that nobody knows of; the Functions have a place for it
 SAME = 1e-9  # m and m/s: below this nothing has changed
 
 
-def seen_now(world: World, path: Path, step: int, now: float) -> frozenset[int]:
+def seen_now(world: AnyWorld, path: Path, step: int, now: float) -> frozenset[int]:
     """Numbers of the obstacles that are seen at a step: from their step on, or when nearer than their range.
 
     ``world`` holds the true obstacles; those without a step and a range are known from the start, and not seen.

@@ -6,14 +6,18 @@ from typing import TypeVar
 
 from fzcli.model import RobotModel, build_model
 from fzcli.model.inverse.solve import InverseKinematics, build_inverse
+from fzcli.model.planar_3rrr import build_planar_model
+from fzcli.model.planar_body import PlanarBody, build_body
 from fzcli.plan.inertial_goal import InertialGoal, build_inertial_goal
 from fzcli.spec.hashing import spec_hash
+from fzcli.spec.planar import Planar3RRR
 from fzcli.spec.robot import Robot
 
 MOST = 16  # models kept; the one built first goes first
 
 Part = TypeVar("Part")
 _MODELS: dict[str, RobotModel] = {}
+_BODIES: dict[str, PlanarBody] = {}
 _PARTS: dict[int, dict[Hashable, object]] = {}
 
 
@@ -25,6 +29,16 @@ def model_of(robot: Robot) -> RobotModel:
             del _MODELS[next(iter(_MODELS))]
         _MODELS[key] = build_model(robot)
     return _MODELS[key]
+
+
+def planar_body_of(robot: Planar3RRR) -> PlanarBody:
+    """A planar 3-RRR with its bodies, the same ones for equal robots. Raises SpecError where it has no solids."""
+    key = spec_hash(robot)
+    if key not in _BODIES:
+        if len(_BODIES) >= MOST:
+            del _BODIES[next(iter(_BODIES))]
+        _BODIES[key] = build_body(build_planar_model(robot))
+    return _BODIES[key]
 
 
 def part_of(model: RobotModel, key: Hashable, build: Callable[[], Part]) -> Part:

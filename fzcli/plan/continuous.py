@@ -4,7 +4,7 @@ A distance at the middle of a stretch of time, less what can change in half of i
 stretch. Stretches that this leaves open are halved, so that no contact between samples is missed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -62,20 +62,39 @@ class PathClearance:
 
 
 @dataclass(frozen=True)
-class _Stretches:
+class Stretches:
     """Stretches of time in order: middles and half lengths [s], the cell that each lies in."""
 
     middle: Array
     half: Array
     cell: NDArray[np.intp]
 
-    def some(self, chosen: NDArray[np.bool_]) -> "_Stretches":
-        return _Stretches(self.middle[chosen], self.half[chosen], self.cell[chosen])
+    @staticmethod
+    def between(begin: float, end: float) -> tuple["Stretches", list[tuple[float, float]]]:
+        """The stretches to start from, one a cell, and the cells' begins and ends [s]."""
+        edges = np.linspace(begin, end, CELLS + 1)
+        half = np.diff(edges) / 2
+        cells = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+        return Stretches(edges[:-1] + half, half, np.arange(CELLS)), cells
 
-    def halved(self) -> "_Stretches":
+    def some(self, chosen: NDArray[np.bool_]) -> "Stretches":
+        return Stretches(self.middle[chosen], self.half[chosen], self.cell[chosen])
+
+    def halved(self) -> "Stretches":
         quarter = 0.5 * self.half
         middle = np.column_stack([self.middle - quarter, self.middle + quarter]).ravel()
-        return _Stretches(middle, np.repeat(quarter, 2), np.repeat(self.cell, 2))
+        return Stretches(middle, np.repeat(quarter, 2), np.repeat(self.cell, 2))
+
+
+class Bounds(Protocol):
+    """What a check asks: the stretches ``start`` to begin with, and distances with what they can change by."""
+
+    @property
+    def start(self) -> Stretches: ...
+
+    def at(self, stretches: Stretches) -> tuple[Array, Array]:
+        """Distances (T, m) at the middles of stretches and how far each can change within (T, m), [m]."""
+        ...
 
 
 class _Bounds:
@@ -85,17 +104,14 @@ class _Bounds:
         self.clearance, self.motion = clearance, motion
         if motion.model.floating and motion.base is None:
             raise ValueError("a floating base moves along the path: its poses are needed")
-        edges = np.linspace(begin, end, CELLS + 1)
-        cells = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+        self.start, cells = Stretches.between(begin, end)
         self.joints = np.array([motion.path.speed_bound(*cell) for cell in cells])
         self.obstacles = np.array([motion.scene.speed_bounds(*cell) for cell in cells])
         self.base = np.zeros((2, CELLS))
         if motion.model.floating:
             self.base = np.array(BaseSpeedBound(motion.model.tree)(self.joints))
-        half = np.diff(edges) / 2
-        self.start = _Stretches(edges[:-1] + half, half, np.arange(CELLS))
 
-    def at(self, stretches: _Stretches) -> tuple[Array, Array]:
+    def at(self, stretches: Stretches) -> tuple[Array, Array]:
         """Distances (T, m) and how far each can change (T, m), [m]."""
         time, cell, half = stretches.middle, stretches.cell, stretches.half[:, None]
         position, quat = (np.array(ORIGIN), np.array(UPRIGHT))
@@ -136,8 +152,15 @@ def path_clearance(
     if not clearance.pairs:
         return PathClearance(np.inf, np.inf, begin, None, 0)
     bounds = _Bounds(clearance, motion, begin, end)
+    return least_of(bounds, clearance.pairs, tolerance=tolerance, enough=enough, budget=budget)
+
+
+def least_of(
+    bounds: Bounds, pairs: Sequence[Pair], *, tolerance: float = TOLERANCE, enough: float = np.inf, budget: int = BUDGET
+) -> PathClearance:
+    """The smallest of the distances of ``pairs`` in the time of some bounds; see `path_clearance`."""
     stretches, samples, at_least = bounds.start, 0, np.inf
-    best, when, which = np.inf, begin, 0
+    best, when, which = np.inf, float(stretches.middle[0]), 0
     while len(stretches.middle):
         distance, reach = bounds.at(stretches)
         samples += len(distance)
@@ -150,7 +173,7 @@ def path_clearance(
             open_ones[:] = False
         at_least = min(at_least, float(lower[~open_ones].min(initial=np.inf)))
         stretches = stretches.some(open_ones).halved()
-    return PathClearance(best, min(at_least, best), when, clearance.pairs[which], samples)
+    return PathClearance(best, min(at_least, best), when, pairs[which], samples)
 
 
 def contact_windows(

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.plan.continuous import Motion, PathClearance, path_clearance
+from fzcli.plan.continuous import PathClearance
 from fzcli.plan.detour_search import BEST, DetourProblem, WindowProblem, patterns
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.window_ride import Window
-from fzcli.plan.world import Path, World
+from fzcli.plan.world import AnyWorld, Path
 
 Array = NDArray[np.float64]
 SIDE = 3  # steps that a window stands out beyond what is met, on either side
@@ -30,20 +30,21 @@ class Attempt:
     clearance: PathClearance
 
 
-def certified(world: World, path: Path, enough: float, begin: float = 0.0, end: float | None = None) -> PathClearance:
+def certified(
+    world: AnyWorld, path: Path, enough: float, begin: float = 0.0, end: float | None = None
+) -> PathClearance:
     """The clearance of a path at all times from ``begin`` to ``end`` [s], its own; above ``enough`` [m] nobody asks."""
-    motion = Motion(world.model, path, world.scene, world.carrier(path))
     last = path.duration if end is None else end
-    return path_clearance(world.clearance, motion, begin, last, tolerance=CERTIFIED, enough=enough)
+    return world.certified(path, begin, last, CERTIFIED, enough)
 
 
-def keeps(world: World, path: Path, margin: float) -> PathClearance | None:
+def keeps(world: AnyWorld, path: Path, margin: float) -> PathClearance | None:
     """The certified clearance of a path where it keeps the margin, else None."""
     found = certified(world, path, margin + 10 * CERTIFIED)
     return found if found.at_least >= margin - SLACK - CERTIFIED and found.clearance >= margin - SLACK else None
 
 
-def met_windows(world: World, path: Path, margin: float) -> list[Window]:
+def met_windows(world: AnyWorld, path: Path, margin: float) -> list[Window]:
     """When a path comes nearer than the margin, looked at in ``LOOKED_AT`` samples [s]."""
     times = np.linspace(0.0, path.duration, LOOKED_AT)
     near = world.distances(path, times).min(axis=1, initial=np.inf) < margin

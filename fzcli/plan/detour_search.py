@@ -12,7 +12,7 @@ from fzcli.plan.half_cycloid import PEAK, PEAK_SPEED, bump, bump_rate, window_ph
 from fzcli.plan.joint_path import Detour, JointPath
 from fzcli.plan.window_ride import Window as Window
 from fzcli.plan.window_ride import WindowRide, by_peaks
-from fzcli.plan.world import World
+from fzcli.plan.world import AnyWorld, World
 
 Array = NDArray[np.float64]
 BLOCKS, SAMPLES = 6, 10  # of a window: one constraint a block, from that many samples
@@ -53,7 +53,7 @@ class DetourProblem:
     before it is not looked at. ``budget``: of all searches together; they raise SpentError when it ends.
     """
 
-    world: World
+    world: AnyWorld
     nominal: JointPath
     weights: Array
     margin: float
@@ -92,7 +92,7 @@ class WindowProblem:
         self.spare = SPARE
         self.rows = _limit_rows(problem, windows, self.spare)
         self.afloat: WindowRide | None = None
-        if problem.world.model.floating:
+        if isinstance(problem.world, World) and problem.world.model.floating:
             self.afloat = WindowRide(problem.world, problem.nominal, windows, self.times)
 
     def postures(self, x: Array) -> Array:
@@ -114,7 +114,7 @@ class WindowProblem:
         world, times, peaks = self.problem.world, self.times[THIRD], starts.reshape(len(starts), -1, self.n)
         q = (self.q0[THIRD] + np.einsum("tw,swn->stn", self.shares[THIRD], peaks)).reshape(-1, self.n)
         position, quat = world.base_position, world.base_quat
-        if world.model.floating:
+        if isinstance(world, World) and world.model.floating:
             position, quat = WindowRide(world, self.problem.nominal, self.windows, times).poses(starts, q)
         numbers = np.tile(self.numbers[THIRD], (len(starts), 1))
         least = world.least(q, numbers, position, quat).reshape(len(starts), len(times))

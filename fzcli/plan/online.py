@@ -18,7 +18,7 @@ from fzcli.plan.detour_search import AMPLITUDES, Budget, DetourProblem, SpentErr
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.online_spec import AnswerPolicy
 from fzcli.plan.window_ride import Window
-from fzcli.plan.world import Path, World
+from fzcli.plan.world import AnyWorld, Path
 
 Array = NDArray[np.float64]
 RETURNS = (8, 6, 4)  # steps after the sight at which a detour may be over, beside all that are left
@@ -39,7 +39,7 @@ class Situation:
     keep; ``evaluations`` that a search may take.
     """
 
-    world: World
+    world: AnyWorld
     path: Path
     step: int
     steps: int

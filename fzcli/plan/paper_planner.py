@@ -1,7 +1,8 @@
 """The procedure of Parsa 2008 as it stands, to show what it gives: not used by any other planner.
 
-The gripper alone, a point, is looked at in whole steps; the detour stands in a fixed window; its peak grows by trial
-and error, joint after joint and then all together, until the gripper is clear in every step.
+The gripper alone, a point, is looked at in whole steps; the detour stands in a fixed window and is "applied over one
+or more joints" until the gripper is clear in every step. Of how joints and peaks are tried the paper says no more than
+"try and error": here one joint after the other, either way, while the peak grows; then two at once, and so on.
 """
 
 import itertools
@@ -30,6 +31,9 @@ def trial_and_error(world: World, nominal: JointPath, spec: PlanRun) -> Attempt 
     step = nominal.duration / spec.steps
     begin, end = planner.window[0] * step, min(planner.window[1], spec.steps) * step
     times = np.linspace(0.0, nominal.duration, spec.steps + 1)
+    beyond = times <= begin if world.model.floating else (times <= begin) | (times >= end)  # no detour moves these
+    if gripper_clearance(world, nominal, times[beyond]).min(initial=np.inf) < spec.margin:
+        return None
     for peak in _peaks(planner, len(nominal.start)):
         path = replace(nominal, detours=(Detour(peak, begin, end),)) if peak.any() else nominal
         if gripper_clearance(world, path, times).min(initial=np.inf) >= spec.margin:
@@ -39,11 +43,13 @@ def trial_and_error(world: World, nominal: JointPath, spec: PlanRun) -> Attempt 
 
 def _peaks(planner: PaperPlannerSpec, n: int) -> Iterator[Array]:
     yield np.zeros(n)
-    for trial in range(1, TRIALS + 1):
-        for joint, sign in itertools.product(planner.joints, (1.0, -1.0)):
-            peak = np.zeros(n)
-            peak[joint - 1] = sign * trial * planner.increment
-            yield peak
+    for count in range(1, len(planner.joints) + 1):
+        for trial in range(1, TRIALS + 1):
+            for joints in itertools.combinations(planner.joints, count):
+                for signs in itertools.product((1.0, -1.0), repeat=count):
+                    peak = np.zeros(n)
+                    peak[np.array(joints) - 1] = np.array(signs) * trial * planner.increment
+                    yield peak
 
 
 def gripper_clearance(world: World, path: JointPath, times: Array) -> Array:

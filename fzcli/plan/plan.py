@@ -1,7 +1,7 @@
 """What a plan becomes: a path over time with its clearance, and a certificate that says how far to trust it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ class Plan:
     tip_quat (T, 4); straight_tip (T, 3) m, where the tip would be without detours; clearance (T,) m, smallest
     distance of all pairs, infinite without any; ``arms``: of each tip the arm as a line (T, k) m, and the names of
     its points; ``obstacles``: the middle of each (T, 3) m. ``detours``: what was added to the straight joint path.
-    ``method``: which planner made it.
+    ``method``: which planner made it. ``signals``: what only some robots have (T, k).
     """
 
     time: Array
@@ -48,3 +48,5 @@ class Plan:
     certificate: Mapping[str, float]
     status: Status
     provenance: Provenance
+    signals: Mapping[str, Array] = field(default_factory=dict)
+    signal_info: Mapping[str, Signal] = field(default_factory=dict)

@@ -1,11 +1,12 @@
 """What a plan file says: pydantic models of ``kind: plan``."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from fzcli.learn.neural_inverse import NeuralIkSpec
 from fzcli.plan.online_spec import ExecutionSpec
 from fzcli.plan.scene import Obstacle
 from fzcli.plan.time_laws.registry import TimeLawName
@@ -67,8 +68,8 @@ def in_order(window: tuple[int, int]) -> tuple[int, int]:
     return window
 
 
-class DetourPlannerSpec(SpecModel):
-    """Least half-cycloidal detours by optimisation, then what ``fallbacks`` name, in their order."""
+class DetourFields(SpecModel):
+    """Least half-cycloidal detours by optimisation."""
 
     kind: Literal["detour"] = "detour"
     weights: Annotated[
@@ -78,11 +79,6 @@ class DetourPlannerSpec(SpecModel):
         tuple[int, int] | None,
         Field(description="steps between which one detour stands; by default as many as it takes"),
     ] = None
-    fallbacks: Annotated[
-        tuple[Literal["three_detours", "rrt_connect"], ...], Field(description="tried where one detour does not do")
-    ] = ("three_detours", "rrt_connect")
-    iterations: Annotated[int, Field(ge=1, description="of rrt_connect")] = 20_000
-    seed: Annotated[int, Field(ge=0, description="of rrt_connect")] = 0
 
     @field_validator("weights")
     @classmethod
@@ -95,6 +91,16 @@ class DetourPlannerSpec(SpecModel):
     @classmethod
     def _in_order(cls, window: tuple[int, int] | None) -> tuple[int, int] | None:
         return None if window is None else in_order(window)
+
+
+class DetourPlannerSpec(DetourFields):
+    """Least half-cycloidal detours by optimisation, then what ``fallbacks`` name, in their order."""
+
+    fallbacks: Annotated[
+        tuple[Literal["three_detours", "rrt_connect"], ...], Field(description="tried where one detour does not do")
+    ] = ("three_detours", "rrt_connect")
+    iterations: Annotated[int, Field(ge=1, description="of rrt_connect")] = 20_000
+    seed: Annotated[int, Field(ge=0, description="of rrt_connect")] = 0
 
 
 class PaperPlannerSpec(SpecModel):
@@ -134,16 +140,17 @@ PLANNER_SPECS: dict[str, type[SpecModel]] = {
 }
 
 
-class PlanRun(SpecModel):
-    """One plan."""
+class ExactIkSpec(SpecModel):
+    """The arm's closed form where it has one, else a search."""
+
+    kind: Literal["exact"] = "exact"
+
+
+class PlanFields(SpecModel):
+    """What every plan says, whatever its robot."""
 
     kind: Literal["plan"] = "plan"
     about: str = ""
-    robot: RobotReference
-    tool: Annotated[Tool | None, Field(description="a rigid tool on the first tip")] = None
-    hold_base: Annotated[bool, Field(description="a free base is held where it starts; the joints alone move")] = False
-    start: PlanStart
-    goal: PlanGoal
     law: TimeLawName = "3-4-5"
     duration: Annotated[
         Annotated[Duration, Field(gt=0)] | Literal["fastest"],
@@ -158,11 +165,27 @@ class PlanRun(SpecModel):
     steps: Annotated[int, Field(ge=4, description="parts of the duration, by which windows are counted")] = 20
     margin: Annotated[Length, Field(ge=0, description="distance to keep from everything")] = 0.0
     scene: Annotated[tuple[Obstacle, ...], Field(description="what is not to be touched")] = ()
-    planner: PlannerSpec = DetourPlannerSpec()
     execution: Annotated[ExecutionSpec, Field(description="how `fzcli simulate` follows the plan")] = ExecutionSpec()
 
 
-def acceleration_limits(spec: PlanRun, n: int) -> np.ndarray:
+class PlanRun(PlanFields):
+    """One plan."""
+
+    robot: RobotReference
+    tool: Annotated[Tool | None, Field(description="a rigid tool on the first tip")] = None
+    hold_base: Annotated[bool, Field(description="a free base is held where it starts; the joints alone move")] = False
+    start: PlanStart
+    goal: PlanGoal
+    ik: Annotated[
+        ExactIkSpec | NeuralIkSpec, Field(discriminator="kind", description="what finds postures for a goal's pose")
+    ] = ExactIkSpec()
+    planner: PlannerSpec = DetourPlannerSpec()
+    replay: Annotated[
+        Any, Field(description="`fzcli simulate` follows the plan at torque level; fields as of a simulation's replay")
+    ] = None
+
+
+def acceleration_limits(spec: PlanFields, n: int) -> np.ndarray:
     """Joint acceleration limits (n) [rad/s2 or m/s2], infinite where none is given."""
     return np.full(n, np.inf) if spec.accelerations is None else np.array(spec.accelerations, dtype=np.float64)
 

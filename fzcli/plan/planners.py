@@ -10,10 +10,11 @@ from fzcli.plan.detour_search import DetourProblem
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.paper_planner import trial_and_error
 from fzcli.plan.plan_spec import DetourPlannerSpec, PaperPlannerSpec, PlanRun, RrtPlannerSpec, acceleration_limits
+from fzcli.plan.planar_spec import AnyRun
 from fzcli.plan.rrt_planner import rrt_connect
-from fzcli.plan.world import World
+from fzcli.plan.world import AnyWorld, World
 
-Find = Callable[[World, JointPath, PlanRun], Attempt | None]  # from a nominal path to one that keeps clear
+Find = Callable[[AnyWorld, JointPath, AnyRun], Attempt | None]  # from a nominal path to one that keeps clear
 
 
 @dataclass(frozen=True)
@@ -25,28 +26,36 @@ class Stage:
     goals: int = 8
 
 
-def stages_of(spec: PlanRun) -> list[Stage]:
+def stages_of(spec: AnyRun) -> list[Stage]:
     """What the plan's planner tries, in order: each for all final postures before the next one."""
     planner = spec.planner
     if isinstance(planner, PaperPlannerSpec):
-        return [Stage("trial and error in the fixed window", trial_and_error)]
+        return [Stage("trial and error in the fixed window", _trials)]
     if isinstance(planner, RrtPlannerSpec):
         return [_tree(planner, goals=8)]
     stages = [Stage("one detour", _one_detour)]
     for fallback in planner.fallbacks:
-        tree = fallback == "rrt_connect"
-        stages.append(_tree(planner, goals=2) if tree else Stage("three detours", _three_detours, goals=2))
+        if fallback == "rrt_connect" and isinstance(planner, DetourPlannerSpec):
+            stages.append(_tree(planner, goals=2))
+        else:
+            stages.append(Stage("three detours", _three_detours, goals=2))
     return stages
 
 
+def _trials(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None:
+    return trial_and_error(world, nominal, spec) if isinstance(world, World) and isinstance(spec, PlanRun) else None
+
+
 def _tree(planner: DetourPlannerSpec | RrtPlannerSpec, goals: int) -> Stage:
-    def find(world: World, nominal: JointPath, spec: PlanRun) -> Attempt | None:
+    def find(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None:
+        if not (isinstance(world, World) and isinstance(spec, PlanRun)):
+            return None
         return rrt_connect(world, nominal, spec, planner.iterations, planner.seed)
 
     return Stage(f"RRTConnect, {planner.iterations} iterations", find, goals)
 
 
-def _one_detour(world: World, nominal: JointPath, spec: PlanRun) -> Attempt | None:
+def _one_detour(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None:
     """The least detour at any speed where it keeps the limits, else the least that does, else the least in more time.
 
     In a scene that moves, a path in more time would meet other obstacles: there it is the least within the speeds.
@@ -63,23 +72,23 @@ def _one_detour(world: World, nominal: JointPath, spec: PlanRun) -> Attempt | No
     return slow if found is None else _in_more_time(found, world, spec)
 
 
-def _three_detours(world: World, nominal: JointPath, spec: PlanRun) -> Attempt | None:
+def _three_detours(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None:
     if not _may_stretch(world, spec):
         return three_detours(_problem(world, nominal, spec, world.model.tree.speed_limits), spec.margin)
     found = three_detours(_problem(world, nominal, spec, np.full(world.model.n, np.inf)), spec.margin)
     return None if found is None else _in_more_time(found, world, spec)
 
 
-def _problem(world: World, nominal: JointPath, spec: PlanRun, speeds: np.ndarray) -> DetourProblem:
+def _problem(world: AnyWorld, nominal: JointPath, spec: AnyRun, speeds: np.ndarray) -> DetourProblem:
     weights = getattr(spec.planner, "weights", None) or (1.0,) * world.model.n
     return DetourProblem(world, nominal, np.array(weights), spec.margin, speeds)
 
 
-def _may_stretch(world: World, spec: PlanRun) -> bool:
+def _may_stretch(world: AnyWorld, spec: AnyRun) -> bool:
     return spec.stretch and not world.scene.moving
 
 
-def _in_more_time(found: Attempt, world: World, spec: PlanRun) -> Attempt:
+def _in_more_time(found: Attempt, world: AnyWorld, spec: AnyRun) -> Attempt:
     """The same path, as slow as the joints need it: in a scene that stands still it stays as clear."""
     if not isinstance(found.path, JointPath):
         return found

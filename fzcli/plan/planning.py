@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,14 +10,17 @@ from numpy.typing import NDArray
 from fzcli.errors import FzcliError, Problem, SpecError
 from fzcli.model import RobotModel
 from fzcli.plan.built import goal_solver_of, inverse_of, model_of
-from fzcli.plan.detour_planner import Attempt, keeps, stretched
+from fzcli.plan.continuous import PathClearance
+from fzcli.plan.detour_planner import Attempt, certified, keeps, stretched
 from fzcli.plan.detour_search import FINE
 from fzcli.plan.inertial_goal import Departure, InertialEnd, PathLaw, inertial_goals, path_law
 from fzcli.plan.joint_path import JointPath, fastest, law_values
-from fzcli.plan.plan_spec import PlanRun, PoseGoal, acceleration_limits
+from fzcli.plan.neural_goal import NeuralGoal, neural_goal
+from fzcli.plan.plan_spec import PlanFields, PlanRun, PoseGoal, acceleration_limits
+from fzcli.plan.planar_spec import AnyRun, PlanarRun
 from fzcli.plan.planners import Stage, stages_of
-from fzcli.plan.scene import build_scene
-from fzcli.plan.world import World, build_world, rotation
+from fzcli.plan.scene import Scene, build_scene
+from fzcli.plan.world import AnyWorld, Path, World, build_world, rotation
 from fzcli.spec.robot import Robot
 from fzcli.spec.tool import with_tool
 
@@ -35,12 +39,16 @@ class NoPlanError(FzcliError):
 
 @dataclass(frozen=True)
 class Task:
-    """A plan to be made: ``goals``, final postures (n) in the order in which they are tried."""
+    """A plan to be made: ``goals``, final postures (n) in the order in which they are tried.
+
+    ``neural``: what networks made of the goal, where they were asked.
+    """
 
     spec: PlanRun
     world: World
     start: Array
     goals: tuple[Array, ...]
+    neural: NeuralGoal | None = None
 
     @property
     def model(self) -> RobotModel:
@@ -59,12 +67,46 @@ class Task:
 
     def nominal(self, goal: Array) -> JointPath:
         """The straight joint path to a final posture in the duration that is asked for."""
-        way = goal - self.start
-        shortest = fastest(self.start, goal, self.speeds, self.accelerations, self.spec.law)
-        if self.spec.duration == "fastest":
-            return JointPath(self.start, way, max(shortest * (1 + 1e-9), 1e-3), self.spec.law)
-        duration = max(self.spec.duration, shortest * (1 + 1e-9)) if self.spec.stretch else self.spec.duration
-        return JointPath(self.start, way, duration, self.spec.law)
+        return nominal_path(self.spec, self.start, goal, (self.speeds, self.accelerations))
+
+    def find(self, stage: Stage, goal: Array) -> Attempt | None:
+        """A path to a final posture that keeps clear, by one stage of the planner."""
+        return _to(self, stage, goal)
+
+    def among(self, spec: AnyRun, scene: Scene) -> "Task":
+        """The same start and goals among other obstacles, as another spec says them. Raises TypeError for its kind."""
+        if not isinstance(spec, PlanRun):
+            raise TypeError("the plan of another kind of robot")
+        return replace(self, spec=spec, world=self.world.among(scene))
+
+    def judged(self, path: Path) -> PathClearance:
+        """The certified clearance of a path."""
+        return certified(self.world, path, np.inf)
+
+
+class AnyTask(Protocol):
+    """What makes a plan of a `Task`, whatever the robot."""
+
+    @property
+    def spec(self) -> AnyRun: ...
+    @property
+    def goals(self) -> tuple[Array, ...]: ...
+    @property
+    def accelerations(self) -> Array: ...
+    @property
+    def world(self) -> AnyWorld: ...
+    def find(self, stage: Stage, goal: Array) -> Attempt | None: ...
+    def among(self, spec: AnyRun, scene: Scene) -> "AnyTask": ...
+    def judged(self, path: Path) -> PathClearance: ...
+
+
+def nominal_path(spec: PlanFields, start: Array, goal: Array, limits: tuple[Array, Array]) -> JointPath:
+    """The straight joint path in the duration that is asked for; ``limits``: joint speeds and accelerations (n)."""
+    shortest = fastest(start, goal, *limits, spec.law)
+    if spec.duration == "fastest":
+        return JointPath(start, goal - start, max(shortest * (1 + 1e-9), 1e-3), spec.law)
+    duration = max(spec.duration, shortest * (1 + 1e-9)) if spec.stretch else spec.duration
+    return JointPath(start, goal - start, duration, spec.law)
 
 
 def planned_robot(spec: PlanRun) -> Robot:
@@ -84,6 +126,7 @@ def prepare(spec: PlanRun) -> Task:
     world = build_world(model, build_scene(spec.scene), spec.start.base_position, spec.start.base_quat)
     start = np.array(spec.start.q, dtype=np.float64)
     task = Task(spec, world, start, ())
+    task = replace(task, neural=_asked_networks(task))
     task = replace(task, goals=tuple(_goals(task)))
     problems = list(_contacts(task))
     if problems:
@@ -118,10 +161,20 @@ def _too_near(world: World, path: JointPath, time: float, margin: float) -> str:
     return f"within the margin: {pair} are {1e3 * distances[worst]:.3g} mm apart, {1e3 * margin:g} mm are asked for"
 
 
+def _asked_networks(task: Task) -> NeuralGoal | None:
+    goal = task.spec.goal
+    if goal.position is None or goal.rpy is None:
+        return None
+    position, turn = _seen(task, PoseGoal(position=goal.position, rpy=goal.rpy))
+    return neural_goal(task.spec, task.model, position, np.asarray(turn), task.start)
+
+
 def _goals(task: Task) -> list[Array]:
     goal = task.spec.goal
     if goal.q is not None:
         return [np.array(goal.q, dtype=np.float64)]
+    if task.neural is not None and task.neural.solutions:
+        return [one.q for one in task.neural.solutions[:MOST_GOALS]]
     first = task.model.tips[0]
     poses = goal.tips or {first: PoseGoal(position=goal.position or (0.0, 0.0, 0.0), rpy=goal.rpy)}
     return _floating_goals(task, poses) if task.model.floating else _fixed_goals(task, poses)
@@ -262,7 +315,7 @@ def _law_of(path: JointPath) -> PathLaw:
     return path_law(len(path.start), share, offset, pieces=GOAL_PIECES)
 
 
-def solve(task: Task) -> Attempt:
+def solve(task: AnyTask) -> Attempt:
     """The first path that keeps clear: stage after stage of the planner, each over the goals in their order.
 
     Raises NoPlanError when none is found, saying what was tried.
@@ -271,11 +324,13 @@ def solve(task: Task) -> Attempt:
     for stage in stages_of(task.spec):
         tried.append(stage.about)
         for goal in task.goals[: stage.goals]:
-            attempt = _to(task, stage, goal)
+            attempt = task.find(stage, goal)
             if attempt is not None:
                 return attempt
     goals = f"{len(task.goals)} final posture{'s' if len(task.goals) > 1 else ''}"
-    raise NoPlanError(f"no path keeps {1e3 * task.spec.margin:g} mm clear for {goals}; tried: {'; '.join(tried)}")
+    aside = " and off singularities" if isinstance(task.spec, PlanarRun) else ""
+    clear = f"no path keeps {1e3 * task.spec.margin:g} mm clear{aside}"
+    raise NoPlanError(f"{clear} for {goals}; tried: {'; '.join(tried)}")
 
 
 def _to(task: Task, stage: Stage, goal: Array) -> Attempt | None:

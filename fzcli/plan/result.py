@@ -1,5 +1,7 @@
 """A found path as a Plan: sampled, measured, certified."""
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -7,6 +9,7 @@ from numpy.typing import NDArray
 from fzcli.model.algebra import cross, rotate
 from fzcli.model.attitude import rotation_matrix
 from fzcli.model.collision import many
+from fzcli.plan import neural_goal
 from fzcli.plan.braked_path import BrakedPath
 from fzcli.plan.detour_planner import Attempt
 from fzcli.plan.joint_path import JointPath
@@ -66,7 +69,9 @@ def as_plan(task: Task, attempt: Attempt, provenance: Provenance) -> Plan:
         "cost": attempt.cost,
         "base_turn": 2 * float(np.arccos(min(1.0, abs(float(quat[-1] @ quat[0]))))),
     }
-    about = {**METRICS, **CERTIFICATE}
+    if task.neural is not None:
+        metrics |= task.neural.told(path.goal)
+    about = {**METRICS, **neural_goal.METRICS, **CERTIFICATE}
     return Plan(
         time=time,
         q=q,
@@ -125,7 +130,7 @@ def _certificate(
         "joint_speed_excess_max": max(0.0, float((np.abs(qd) - task.speeds).max())),
         "joint_acceleration_excess_max": max(0.0, float((np.abs(qdd) - task.accelerations).max())),
         "goal_error_max": _goal_error(task, q[-1], tip[-1], rotations[-1]),
-        "knot_jump_max": _knot_jump(attempt),
+        "knot_jump_max": knot_jump(attempt),
     }
 
 
@@ -147,7 +152,7 @@ def _goal_error(task: Task, q: Array, tip: Array, rotation: Array) -> float:
     return max(error, angle if angle > 1e-7 else 0.0)
 
 
-def _knot_jump(attempt: Attempt) -> float:
+def knot_jump(attempt: Attempt) -> float:
     """Of position, velocity and acceleration on both sides of every knot, over their largest values."""
     path = attempt.path
     knots = _knots(path)
@@ -185,6 +190,11 @@ def _status(task: Task, attempt: Attempt, certificate: dict[str, float]) -> Stat
     if certificate["clearance_min"] < margin - 1e-6:
         text = f"{attempt.clearance.pair} come within {1e3 * certificate['clearance_min']:.3g} mm"
         return Status("flagged", text, "lower margin, or use another planner")
+    return kept(certificate)
+
+
+def kept(certificate: Mapping[str, float]) -> Status:
+    """ok, or flagged with what of limits, speeds, accelerations and goal is not kept."""
     for name in ("joint_limit_excess_max", "joint_speed_excess_max", "joint_acceleration_excess_max"):
         if certificate[name] > EXCESS:
             return Status("flagged", f"{name} {certificate[name]:.3g}", "give it more time, or stretch: true")

@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 STRIDE = 0.6  # rad or m: of an extension, in the joint that goes farthest
 SPACING = 0.03  # rad or m: between the postures looked at on an edge
 SHORTCUTS = 300
+SHORTEST = 0.1  # rad or m: of an edge, in the joint that goes farthest; a shorter one takes as long
 EXTRA = (1e-3, 5e-3)  # m: kept beyond the margin for what lies between the postures, at first and if that misses
 
 
@@ -166,16 +167,25 @@ def _reach(edges: Edges, tree: _Tree, wanted: Array) -> int | None:
 
 
 def _shortened(edges: Edges, corners: list[Array], random: np.random.Generator) -> list[Array]:
-    """Random shortcuts between points of the edges."""
+    """Random shortcuts between points of the edges that leave none shorter than ``SHORTEST``."""
     for _ in range(SHORTCUTS):
         if len(corners) < 3:
             return corners
         i, j = sorted(random.choice(len(corners) - 1, 2, replace=False))
-        a = corners[i] + random.random() * (corners[i + 1] - corners[i])
-        b = corners[j] + random.random() * (corners[j + 1] - corners[j])
-        if edges.clear(a, b):
-            corners = [*corners[: i + 1], a, b, *corners[j + 1 :]]
+        a = _between(corners[i], corners[i + 1], random.random())
+        b = _between(corners[j], corners[j + 1], random.random())
+        if np.abs(b - a).max() >= SHORTEST and edges.clear(a, b):
+            kept = [*corners[: i + 1], a, b, *corners[j + 1 :]]
+            corners = [q for k, q in enumerate(kept) if k == 0 or not np.array_equal(q, kept[k - 1])]
     return _without_needless(edges, corners)
+
+
+def _between(a: Array, b: Array, share: float) -> Array:
+    """A point of an edge; its end where that is nearer than ``SHORTEST``."""
+    length = float(np.abs(b - a).max())
+    if min(share, 1 - share) * length < SHORTEST:
+        return a if share < 0.5 else b
+    return np.asarray(a + share * (b - a))
 
 
 def _without_needless(edges: Edges, corners: list[Array]) -> list[Array]:
@@ -191,8 +201,12 @@ def _without_needless(edges: Edges, corners: list[Array]) -> list[Array]:
 def timed(
     corners: list[Array], nominal: JointPath, spec: PlanRun, speeds: Array, accelerations: Array
 ) -> ChainedPath:
-    """The time law from corner to corner, as fast as the joints may, and slower where more time is asked for."""
-    shortest = [max(fastest(a, b, speeds, accelerations, spec.law), 1e-6) for a, b in pairwise(corners)]
+    """The time law from corner to corner, as fast as the joints may, and slower where more time is asked for.
+
+    Edges shorter than ``SHORTEST`` are taken as slowly as if they were that long: from rest to rest at full speed a
+    sliver would need any acceleration.
+    """
+    shortest = [_shortest(b - a, speeds, accelerations, spec) for a, b in pairwise(corners)]
     total = sum(shortest) * (1 + 1e-9)
     scale = max(1.0, (nominal.duration if spec.duration != "fastest" else 0.0) / total) * (1 + 1e-9)
     parts = [
@@ -200,3 +214,10 @@ def timed(
         for a, b, seconds in zip(corners[:-1], corners[1:], shortest, strict=True)
     ]
     return ChainedPath(tuple(parts))
+
+
+def _shortest(way: Array, speeds: Array, accelerations: Array, spec: PlanRun) -> float:
+    """Time [s] for an edge."""
+    farthest = float(np.abs(way).max())
+    longer = way * (SHORTEST / farthest) if 0 < farthest < SHORTEST else way
+    return max(fastest(np.zeros_like(way), longer, speeds, accelerations, spec.law), 1e-6)

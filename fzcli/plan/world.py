@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
@@ -9,14 +10,60 @@ from numpy.typing import NDArray
 
 from fzcli.model import RobotModel
 from fzcli.model.attitude import rotation_matrix
-from fzcli.model.collision import Clearance, build_clearance, many, self_pairs, turned_by
+from fzcli.model.collision import Clearance, Pair, SelfPairs, build_clearance, many, self_pairs, turned_by
 from fzcli.plan.base_ride import Path, build_ride
 from fzcli.plan.built import part_of
+from fzcli.plan.continuous import Motion, PathClearance, path_clearance
 from fzcli.plan.scene import Scene
 
-__all__ = ["Path", "World", "build_world", "rotation"]
+__all__ = ["AnyWorld", "Path", "World", "build_world", "rotation"]
 
 Array = NDArray[np.float64]
+
+
+class _Limits(Protocol):
+    @property
+    def position_limits(self) -> Array: ...
+    @property
+    def speed_limits(self) -> Array: ...
+
+
+class _Joints(Protocol):
+    @property
+    def n(self) -> int: ...
+    @property
+    def joint_names(self) -> tuple[str, ...]: ...
+    @property
+    def floating(self) -> bool: ...
+    @property
+    def tree(self) -> _Limits: ...
+
+
+class _Watched(Protocol):
+    @property
+    def pairs(self) -> tuple[Pair, ...]: ...
+    @property
+    def own(self) -> SelfPairs: ...
+
+
+class AnyWorld(Protocol):
+    """What planners ask of the place where a plan happens, whatever the robot; see `World`."""
+
+    @property
+    def model(self) -> _Joints: ...
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def clearance(self) -> _Watched: ...
+    @property
+    def base_position(self) -> Array: ...
+    @property
+    def base_quat(self) -> Array: ...
+    def among(self, scene: Scene) -> "AnyWorld": ...
+    def distances(self, path: Path, times: Array) -> Array: ...
+    def certified(self, path: Path, begin: float, end: float, tolerance: float, enough: float) -> PathClearance: ...
+    def least(self, q: Array, numbers: Array, position: Array, quat: Array) -> Array: ...
+    def nearest(self, q: Array, numbers: Array, sharpness: float) -> tuple[Array, Array]: ...
 
 
 @dataclass(frozen=True)
@@ -60,6 +107,15 @@ class World:
         """Of all pairs (T, m) [m] at times (T,) of a path."""
         position, quat = self.base(path, times)
         return self.clearance.at(path.at(times)[0], self.scene.numbers(times), position, quat)
+
+    def among(self, scene: Scene) -> "World":
+        """The same robot at the same start among other obstacles."""
+        return build_world(self.model, scene, self.base_position.tolist(), self.base_quat.tolist())
+
+    def certified(self, path: Path, begin: float, end: float, tolerance: float, enough: float) -> PathClearance:
+        """The least distance between two times [s] of a path, at all times; above ``enough`` [m] nobody asks."""
+        motion = Motion(self.model, path, self.scene, self.carrier(path))
+        return path_clearance(self.clearance, motion, begin, end, tolerance=tolerance, enough=enough)
 
     def least(self, q: Array, numbers: Array, position: Array, quat: Array) -> Array:
         """The smallest distance (T,) [m] of all pairs, obstacles and base as told, each one for all or one a row."""

@@ -27,6 +27,8 @@ def as_rollout(plan: Plan) -> Rollout:
         key = "obstacle_" + "".join(c if c.isalnum() else "_" for c in name)
         info[key] = Signal(key, "m", f"middle of {name}, world", AXIS)
         signals[key] = middle
+    info.update(plan.signal_info)
+    signals.update(plan.signals)
     return Rollout(
         time=plan.time,
         q=plan.q,

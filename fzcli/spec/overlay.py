@@ -22,16 +22,17 @@ def overlaid(document: Document, values: Mapping[str, Any]) -> Document:
     return Document(root)
 
 
-def without(document: Document, keys: Iterable[str], inside: str = "") -> Document:
-    """The document without these keys of its root mapping, or of the mapping ``inside``."""
-    root = document.root
-    gone = set(keys)
-    if not isinstance(root.content, dict):
-        return document
+def without(document: Document, keys: Iterable[str], *inside: str) -> Document:
+    """The document without these keys of its root mapping, or of the mapping at ``inside``."""
+    return Document(_without(document.root, set(keys), inside))
+
+
+def _without(node: Node, gone: set[str], inside: tuple[str, ...]) -> Node:
+    content = node.content
+    if not isinstance(content, dict):
+        return node
     if not inside:
-        return Document(replace(root, content={k: v for k, v in root.content.items() if k not in gone}))
-    section = root.content.get(inside)
-    if section is None or not isinstance(section.content, dict):
-        return document
-    kept = replace(section, content={k: v for k, v in section.content.items() if k not in gone})
-    return Document(replace(root, content={**root.content, inside: kept}))
+        return replace(node, content={key: value for key, value in content.items() if key not in gone})
+    if inside[0] not in content:
+        return node
+    return replace(node, content={**content, inside[0]: _without(content[inside[0]], gone, inside[1:])})

@@ -8,9 +8,17 @@ from fzcli.sweep.own_section import OwnSection
 
 
 def check_one_source(document: Document, own: OwnSection) -> None:
-    """A drawn field may be set nowhere else: the draw would win without a word. Nor may a list set an axis."""
+    """A drawn field may be set nowhere else: the draw would win without a word. Nor may a list set an axis.
+
+    A list may leave out a section (null) in which fields are drawn: they are not there then.
+    """
     drawn, axes, zipped = list(own.file.trajectories.draw), list(own.file.grid), list(own.file.zip_)
-    listed = [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
+    listed = [
+        (("list", i, path), path)
+        for i, entry in enumerate(own.file.list_)
+        for path in entry
+        if entry[path] is not None or path in drawn
+    ]
     tried = [(("trajectories", "keep_if", "with", path), path) for path in own.keep_if_changes or {}]
     places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in axes]
     steps: list[tuple[tuple[str | int, ...], str]] = [(("zip", path), path) for path in zipped]

@@ -52,18 +52,28 @@ class Point:
         return min(int(self.random(1)[0] * low), low - 1)
 
 
-def generator(seed: int, index: int) -> np.random.Generator:
-    """The random numbers of trajectory ``index``: SeedSequence((seed, index))."""
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index))))
+APART = "replay."  # fields with a stream of their own: the trajectories are those of a sweep without them
+Streams = tuple[Source, Source]  # of most fields, and of those apart
 
 
-def sources(plan: Trajectories, draws: Sequence[Drawn], places: range) -> Iterator[Source]:
-    """One for each trajectory of these places, counted from the plan's first."""
+def generator(seed: int, index: int, *stream: int) -> np.random.Generator:
+    """The random numbers of trajectory ``index``: SeedSequence((seed, index)), or those of another ``stream``."""
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((seed, index, *stream))))
+
+
+def sources(plan: Trajectories, draws: Sequence[Drawn], places: range) -> Iterator[Streams]:
+    """Those of each trajectory of these places, counted from the plan's first."""
     if plan.sampling == "random":
-        return (generator(plan.seed, plan.first + place) for place in places)
+        apart = any(one.path.startswith(APART) for one in draws)
+        for index in range(plan.first + places.start, plan.first + places.stop):
+            own = generator(plan.seed, index)
+            yield own, generator(plan.seed, index, 1) if apart else own
+        return
     width = sum(1 if one.distribution == "choice" else one.size for one in draws)
     points = _latin(width, plan.count, plan.seed) if plan.sampling == "latin_hypercube" else None
-    return map(Point, _sobol(width, plan, places) if points is None else points[places.start : places.stop])
+    for shares in _sobol(width, plan, places) if points is None else points[places.start : places.stop]:
+        point = Point(shares)
+        yield point, point
 
 
 def _sobol(width: int, plan: Trajectories, places: range) -> Array:
@@ -85,19 +95,19 @@ def _latin(width: int, count: int, seed: int) -> Array:
     return np.asarray(qmc.LatinHypercube(width, rng=generator(seed, 0)).random(count))
 
 
-def candidate(draws: Sequence[Drawn], random: Source) -> Array:
-    """One drawn vector: the fields in the order of their paths, one after the other."""
-    found: Array = candidates(draws, [random])[0]
+def candidate(draws: Sequence[Drawn], random: Source, apart: Source | None = None) -> Array:
+    """One drawn vector: the fields in the order of their paths, one after the other; ``apart``: the stream of some."""
+    found: Array = candidates(draws, [(random, apart or random)])[0]
     return found
 
 
-def candidates(draws: Sequence[Drawn], random: Sequence[Source]) -> Array:
+def candidates(draws: Sequence[Drawn], random: Sequence[Streams]) -> Array:
     """Drawn vectors (n, k), one from each source in turn; a source may stand there several times."""
     raw = np.empty((len(random), sum(one.size for one in draws)))
     parts = _parts(draws)
-    for row, source in zip(raw, random, strict=True):
-        for first, last, take in parts:
-            row[first:last] = take(source, last - first)
+    for row, streams in zip(raw, random, strict=True):
+        for first, last, stream, take in parts:
+            row[first:last] = take(streams[stream], last - first)
     first = 0
     for one in draws:
         block = raw[:, first : first + one.size]
@@ -110,16 +120,16 @@ def candidates(draws: Sequence[Drawn], random: Sequence[Source]) -> Array:
 _Take = Callable[[Source, int], Array]
 
 
-def _parts(draws: Sequence[Drawn]) -> list[tuple[int, int, _Take]]:
-    """Columns and how they are taken from a source; neighbours that take the same kind of number together."""
-    parts: list[tuple[int, int, _Take]] = []
+def _parts(draws: Sequence[Drawn]) -> list[tuple[int, int, int, _Take]]:
+    """Columns, from which stream and how they are taken; neighbours that take the same kind of number together."""
+    parts: list[tuple[int, int, int, _Take]] = []
     first = 0
     for one in draws:
-        last = first + one.size
-        if one.distribution in ("uniform", "log_uniform") and parts and parts[-1][2] is _random:
-            parts[-1] = parts[-1][0], last, _random
+        last, stream, take = first + one.size, int(one.path.startswith(APART)), _taker(one)
+        if take is _random and parts and parts[-1][2:] == (stream, _random):
+            parts[-1] = parts[-1][0], last, stream, _random
         else:
-            parts.append((first, last, _taker(one)))
+            parts.append((first, last, stream, take))
         first = last
     return parts
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fzcli.errors import Problem, SpecError
-from fzcli.plan.load import plan_of
+from fzcli.plan.load import fitted, plan_of
 from fzcli.plan.plan_spec import PLANNER_SPECS, PlanRun
 from fzcli.spec.document import Document, Node
 from fzcli.spec.load import check_kind, load_robot
@@ -64,7 +64,7 @@ class PlanDrawing:
         Raises FilterError where no scene fits.
         """
         index, fields = self.plan.first + place, {}
-        (random,) = sources(self.plan, self.draws, range(place, place + 1))
+        ((random, apart),) = sources(self.plan, self.draws, range(place, place + 1))
         if self.scenes is not None:
             scene_random = random if isinstance(random, np.random.Generator) else generator(self.plan.seed, index)
             found = draw_scene(self.specs[0], self.scenes, scene_random)
@@ -72,7 +72,7 @@ class PlanDrawing:
                 text = f"scenes: none of {self.scenes.most} candidates of trajectory {index} fits"
                 raise FilterError(f"{text}: start and goal clear, the straight path not")
             fields = found
-        values = split(self.draws, candidate(self.draws, random))
+        values = split(self.draws, candidate(self.draws, random, apart))
         specs = (with_values(spec.model_copy(update=fields), values) for spec in self.specs)
         drawn = {path: tuple(float(v) for v in value) for path, value in values.items()}
         return PlanTrajectory(tuple(specs), drawn | _numbers(fields))
@@ -102,7 +102,7 @@ def resolve_plans(document: Document, sets: Sequence[str] = ()) -> PlanSweep:
     low, kinds = sample_of(document, own, 0), _planner_kinds(base, configurations)
 
     def make(one: Document) -> PlanRun:
-        return plan_of(_fitted(_standing_in(one) if own.file.scenes else one, kinds))
+        return plan_of(fitted(_standing_in(one) if own.file.scenes else one, kinds))
 
     specs: list[PlanRun] = []
     for configuration in configurations:
@@ -149,16 +149,6 @@ def _planner_kinds(base: Document, configurations: Sequence[Mapping[str, Node]])
     kinds = {written.get("kind", "detour") if isinstance(written, dict) else "detour"}
     kinds |= {str(changes["planner.kind"].value) for changes in configurations if "planner.kind" in changes}
     return kinds & set(PLANNER_SPECS)
-
-
-def _fitted(document: Document, kinds: set[str]) -> Document:
-    """Without the planner's fields that its kind lacks but another kind of the sweep knows."""
-    planner = document.value.get("planner")
-    if not isinstance(planner, dict) or planner.get("kind") not in PLANNER_SPECS:
-        return document
-    own = PLANNER_SPECS[planner["kind"]].model_fields
-    elsewhere = {name for kind in kinds for name in PLANNER_SPECS[kind].model_fields}
-    return without(document, [key for key in planner if key in elsewhere and key not in own], "planner")
 
 
 def _standing_in(document: Document) -> Document:

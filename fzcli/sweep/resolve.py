@@ -49,7 +49,7 @@ class Drawn:
 class Sweep:
     """A sweep, resolved. ``changes`` of each configuration as written; ``specs`` their full run specs.
 
-    ``filter`` is the run that candidates are tried with. ``document`` has the options applied.
+    ``filter`` is the run that candidates are tried with, without a replay. ``document`` has the options applied.
     """
 
     file: SweepFile
@@ -90,7 +90,7 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     )
     keep = None
     if own.keep_if_changes is not None:
-        keep = _run(overlaid(base, {**low, **own.keep_if_changes}))
+        keep = _run(without(overlaid(base, {**low, **own.keep_if_changes}), ["replay"]))
     return Sweep(own.file, document, changes, specs, draws, keep)
 
 

@@ -3,12 +3,14 @@
 from typing import Any
 
 from fzcli.loop.run_spec import simulate_model
+from fzcli.plan.plan_spec import PlanRun
+from fzcli.spec.base import SpecModel
 from fzcli.spec.schema import schema_of
-from fzcli.sweep.sweep_spec import DISTRIBUTIONS, SweepFile
+from fzcli.sweep.sweep_spec import DISTRIBUTIONS, Draw, SweepFile
 from fzcli.sweep.tune_spec import TuneFile
 
 _Schema = dict[str, Any]
-_OPEN = ("controller", "reference", "base_reference")  # sections that come in kinds
+_OPEN = ("controller", "reference", "base_reference")  # sections of a simulation that come in kinds
 
 
 def simulate_schema() -> _Schema:
@@ -23,33 +25,65 @@ def simulate_schema() -> _Schema:
 
 
 def sweep_schema() -> _Schema:
-    """The JSON Schema of a sweep: its own fields and a run's, of which a grid or a draw may supply any."""
-    own, run = schema_of(SweepFile, "fzcli sweep"), schema_of(simulate_model(), "")
-    definitions = {**run["$defs"], **own["$defs"], "Draw": _draw(own["$defs"]["Draw"])}
-    fields = {
-        key: value for key, value in run["properties"].items() if key not in ("kind", "about", "compare")
+    """The JSON Schema of a sweep: its own fields and those of its runs, simulations or, by ``run: plan``, plans.
+
+    A grid, a draw or random scenes may supply any field of a run.
+    """
+    own = schema_of(SweepFile, "fzcli sweep")
+    definitions = {**own.pop("$defs"), "Draw": _draw()}
+    sweeps = {
+        "SimulationSweep": _sweep_of(simulate_model(), _OPEN, own, "simulate", definitions),
+        "PlanSweep": _sweep_of(PlanRun, ("planner",), own, "plan", definitions),
     }
-    for section in _OPEN:
-        names = _alternatives(fields[section])
-        fields[section] = _merged([definitions.pop(name) for name in names])
-    fields["start"] = {**definitions.pop("StartSpec"), "required": []}
-    properties = {**own["properties"], **fields}
-    return {**own, "$defs": definitions, "properties": properties, "required": ["kind"]}
+    return {
+        "$schema": own["$schema"],
+        "title": own["title"],
+        "description": own["description"],
+        "$defs": {**definitions, **sweeps},
+        "if": {"properties": {"run": {"const": "plan"}}, "required": ["run"]},
+        "then": {"$ref": "#/$defs/PlanSweep"},
+        "else": {"$ref": "#/$defs/SimulationSweep"},
+    }
+
+
+def _sweep_of(
+    run: type[SpecModel], sections: tuple[str, ...], own: _Schema, word: str, definitions: _Schema
+) -> _Schema:
+    """The fields of a sweep of such runs; what they refer to is added to ``definitions``.
+
+    ``sections`` of a run come in kinds; its start may lack what is drawn.
+    """
+    schema = schema_of(run, "")
+    found = schema.pop("$defs")
+    fields = {key: value for key, value in schema["properties"].items() if key not in ("kind", "about", "compare")}
+    for section in sections:
+        fields[section] = _merged([found.pop(name) for name in _alternatives(fields[section])])
+    fields["start"] = {**found.pop(fields["start"]["$ref"].rsplit("/", 1)[-1]), "required": []}
+    twice = {name for name in found if name in definitions and definitions[name] != found[name]}
+    if twice:
+        raise ValueError(f"two models of one name: {', '.join(sorted(twice))}")
+    definitions.update(found)
+    properties = {**own["properties"], "run": {**own["properties"]["run"], "enum": [word]}, **fields}
+    if word != "plan":
+        del properties["scenes"]
+    return {"type": "object", "properties": properties, "required": ["kind"], "additionalProperties": False}
 
 
 def tune_schema() -> _Schema:
     """The JSON Schema of a tuning: a sweep's fields without its table, and what is varied."""
     sweep, own = sweep_schema(), schema_of(TuneFile, "")
+    simulations = sweep["$defs"]["SimulationSweep"]
     ends = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
     scale = {"type": "object", "properties": {"scale": ends}, "required": ["scale"], "additionalProperties": False}
     definitions = {**sweep["$defs"], **own["$defs"], "Vary": {"anyOf": [ends, scale]}}
-    properties = {name: value for name, value in sweep["properties"].items() if name not in ("kind", "table")}
-    kind = {"const": "tune", "type": "string"}
+    fields = {name: value for name, value in simulations["properties"].items() if name not in ("kind", "table")}
+    del definitions["PlanSweep"], definitions["SimulationSweep"]
     return {
-        **sweep,
+        "$schema": sweep["$schema"],
         "title": "fzcli tuning",
         "$defs": definitions,
-        "properties": {"kind": kind, **properties, **own["properties"]},
+        **simulations,
+        "properties": {"kind": {"const": "tune", "type": "string"}, **fields, **own["properties"]},
         "required": ["kind", "tune"],
     }
 
@@ -76,7 +110,7 @@ def _merged(models: list[_Schema]) -> _Schema:
     }
 
 
-def _draw(model: _Schema) -> _Schema:
+def _draw() -> _Schema:
     """A draw as it is written: one distribution and its numbers."""
     numbers: dict[str, _Schema] = {
         name: {"type": "array", "minItems": count or 1, **({"maxItems": count} if count else {})}
@@ -85,7 +119,7 @@ def _draw(model: _Schema) -> _Schema:
     numbers["sphere"] = {"enum": [2, 3], "description": "dimensions of a direction drawn uniformly"}
     return {
         "type": "object",
-        "description": model["description"],
+        "description": Draw.__doc__,
         "properties": numbers,
         "additionalProperties": False,
         "minProperties": 1,

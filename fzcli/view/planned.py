@@ -55,6 +55,8 @@ def straight_path(run: Rollout) -> Straight | None:
 def speed_limits(run: Rollout) -> Array:
     """Of the joints (n) [rad/s or m/s], infinite where none is known."""
     robot = specification(run).get("robot")
+    if isinstance(robot, dict) and isinstance(robot.get("drives"), dict):
+        return np.full(len(run.joint_names), robot["drives"].get("speed") or np.inf)
     links = robot.get("links", ()) if isinstance(robot, dict) else ()
     joints = {link["joint"]["name"]: link["joint"].get("speed") for link in links if "joint" in link}
     return np.array([joints.get(name) or np.inf for name in run.joint_names], dtype=np.float64)

@@ -14,24 +14,28 @@ from fzcli.view.arm_plot import configurations_figure, tip_path_figure
 from fzcli.view.joint_plot import joints_figure
 from fzcli.view.plan_path_plot import path_figure
 from fzcli.view.plan_plot import clearance_figure, joints_over_time_figure
+from fzcli.view.planar_plan_plot import is_planar, planar_path_figure, singularity_figure
 from fzcli.view.planned import is_plan, nearest
 from fzcli.view.reach_plot import reach_figure
 from fzcli.view.rollout_plot import plot_comparison, rollout_figure
 from fzcli.view.style import output_path, save
 from fzcli.view.table_plot import table_figure
 from fzcli.view.target import has_target, spec_section
+from fzcli.view.torque_plot import at_torque_level, following_figure, torque_figure
 
 SWEEP_FIGURES = ("table", "comparison", "runs")
 TARGET_FIGURES = ("configurations", "tip_path", "joints", "reach")
+TORQUE_FIGURES = ("following", "torques")
 PLAN_FIGURES = ("joints_over_time", "path", "clearance")
-RUN_FIGURES = ("run", "comparison", *TARGET_FIGURES, *PLAN_FIGURES)
+RUN_FIGURES = ("run", "comparison", *TARGET_FIGURES, *PLAN_FIGURES, "singularity", *TORQUE_FIGURES)
 
 
 def plot(path: Path | str, out: Path | str | None = None, what: str | None = None) -> list[Path]:
     """Draws a result file; gives the paths of the figures, png unless ``out`` has another suffix.
 
     A run: without ``what`` those with a target are drawn as "configurations", "tip_path", "joints" and
-    "reach", plans as "joints_over_time", "path" and (where anything can come near) "clearance", others as
+    "reach", plans as "joints_over_time", "path" and (where anything can come near) "clearance", those of a
+    planar 3-RRR as "singularity" too, those at torque level as "following" and "torques", others as
     "comparison" (yaw and gains of all) where they have variants, else as "run". A sweep:
     "table" (needs a table section), "comparison" (kept runs of one trajectory), "runs" (each kept run);
     without ``what`` the first two where they apply, the last where neither does. ``out`` is a file (one
@@ -59,10 +63,13 @@ def _run_figures(path: Path, what: str | None) -> list[tuple[str, Any]]:
     rollout = read_rollout(path)
     if what is not None:
         tags: tuple[str, ...] = (what,)
+    elif at_torque_level(rollout):
+        tags = TORQUE_FIGURES
     elif has_target(rollout):
         tags = TARGET_FIGURES
     elif is_plan(rollout):
         tags = PLAN_FIGURES if nearest(rollout) is not None else PLAN_FIGURES[:-1]
+        tags += ("singularity",) if is_planar(rollout) else ()
     else:
         tags = ("comparison" if rollout.variants else "run",)
     try:
@@ -77,6 +84,10 @@ def _run_figure(rollout: Rollout, what: str, title: str) -> Any:
     variants, own = [*rollout.variants.items()], (_own_label(rollout, title), rollout)
     if what == "comparison":
         return plot_comparison([*variants, own], title)
+    if what in TORQUE_FIGURES and not at_torque_level(rollout):
+        raise RecordError(f"has no torques, which {what!r} is drawn from; give the run a section replay")
+    if what == "following":
+        return following_figure(dict([own, *variants]), title)
     if what == "reach":
         return reach_figure([own, *variants], title)
     draw = {
@@ -85,15 +96,18 @@ def _run_figure(rollout: Rollout, what: str, title: str) -> Any:
         "tip_path": tip_path_figure,
         "joints": joints_figure,
         "joints_over_time": joints_over_time_figure,
-        "path": path_figure,
+        "path": planar_path_figure if is_planar(rollout) else path_figure,
         "clearance": clearance_figure,
+        "torques": torque_figure,
+        "singularity": singularity_figure,
     }
     return draw[what](rollout, title)
 
 
 def _own_label(rollout: Rollout, fallback: str) -> str:
     """What the run is called beside its variants: its kind of controller, where that tells it from them."""
-    controller = spec_section(rollout, "controller")
+    replay = spec_section(rollout, "replay").get("controller")
+    controller = replay if isinstance(replay, dict) else spec_section(rollout, "controller")
     kind = " ".join(str(controller[key]) for key in ("kind", "variant") if controller.get(key))
     return kind if kind and kind not in rollout.variants else fallback
 

@@ -39,7 +39,7 @@ def raw_run(**changes: Any) -> dict[str, Any]:
         else:
             section[rest[-1]] = value
     kind = data["controller"].get("kind")
-    if kind == "unconstrained":
+    if kind in ("unconstrained", "reaction_null_space"):
         data["controller"].pop("gain", None)
     if kind == "fabrik":
         data["controller"].pop("gain", None)

@@ -153,3 +153,37 @@ def base_rate(robot: Robot, q: Array, qd: Array) -> Array:
         momentum += mass * np.cross(r, v) + own_inertia @ spin
         inertia += own_inertia + mass * (float(r @ r) * np.eye(3) - np.outer(r, r))
     return np.asarray(-np.linalg.solve(inertia, momentum))
+
+
+def momentum(
+    robot: Robot, q: Array, qd: Array, base: Array, twist: Array
+) -> tuple[tuple[Array, Array], tuple[float, float]]:
+    """Linear (3) and angular (3) about the centre of mass, world; and the sums of the bodies' own sizes of either.
+
+    ``twist`` (6) of the base frame's origin, world axes: velocities are handed on from joint to joint.
+    """
+    frames, values = link_frames(robot, q, base), iter(qd)
+    moving = {robot.base.name: (twist[:3], twist[3:])}
+    bodies = [(robot.base, robot.base.name)]
+    for link in robot.links:
+        place, parent = frames[link.name], frames[link.parent]
+        speed, spin = moving[link.parent]
+        speed, axis = speed + np.cross(spin, place[:3, 3] - parent[:3, 3]), place[:3, :3] @ np.array(link.joint.axis)
+        if link.joint.type == "prismatic":
+            speed = speed + next(values) * axis
+        elif link.joint.type != "fixed":
+            spin = spin + next(values) * axis
+        moving[link.name] = speed, spin
+        bodies.append((link, link.name))
+    parts = []
+    for body, name in bodies:
+        (speed, spin), R = moving[name], frames[name][:3, :3]
+        arm = R @ np.array(body.com)
+        xx, yy, zz, xy, xz, yz = body.inertia
+        own = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T @ spin
+        parts.append((body.mass, frames[name][:3, 3] + arm, speed + np.cross(spin, arm), own))
+    whole = sum(mass * com for mass, com, _, _ in parts) / sum(mass for mass, _, _, _ in parts)
+    linear = [mass * speed for mass, _, speed, _ in parts]
+    angular = [np.cross(com - whole, p) + own for (_, com, _, own), p in zip(parts, linear, strict=True)]
+    sizes = tuple(float(np.linalg.norm(part, axis=1).sum()) for part in (np.array(linear), np.array(angular)))
+    return (np.sum(linear, axis=0), np.sum(angular, axis=0)), (sizes[0], sizes[1])
