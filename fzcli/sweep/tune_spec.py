@@ -61,7 +61,7 @@ class TuneSection(SpecModel):
         str | None,
         Field(description="what makes a run count as lost; no more may be than with the file's own numbers"),
     ] = None
-    held_out: Annotated[float, Field(ge=0, le=0.9, description="share of the trajectories kept for the judgement")] = 0.5
+    held_out: Annotated[float, Field(ge=0, le=0.9, description="share of the trajectories that judge it")] = 0.5
     candidates: Annotated[int, Field(ge=5, description="of a generation")] = 24
     generations: Annotated[int, Field(ge=0)] = 20
     seed: Annotated[int, Field(ge=0)] = 0
