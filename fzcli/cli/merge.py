@@ -26,6 +26,7 @@ def merge(
     from fzcli.cli.progress import Progress
     from fzcli.cli.sources import run_source
     from fzcli.cli.sweep import print_result
+    from fzcli.errors import UnfinishedError
     from fzcli.sweep.execute import Listener, load_sweep, merge_to
 
     source = run_source(run)
@@ -33,6 +34,10 @@ def merge(
     resolved = load_sweep(source.path, sets)
     with Progress(quiet) as progress:
         listener = Listener(progress, lambda text: say(text, quiet))
-        done = merge_to(resolved, path, listener, ("fzcli", *sys.argv[1:]))
+        try:
+            done = merge_to(resolved, path, listener, ("fzcli", *sys.argv[1:]))
+        except UnfinishedError as error:
+            say(f"{error}; fzcli sweep computes what is missing")
+            raise typer.Exit(error.exit_code) from None
     say(f"{done.path} ({done.path.stat().st_size / 1e6:.2f} MB)", quiet)
     print_result(resolved, path, format)

@@ -114,8 +114,12 @@ class Killer:
         if victim == "scheduler":
             return self.cluster[0].pid
         parents = [process.pid for process in self.cluster[1:]] if self.engine == "dask" else [driver]
-        children = [pid for parent in parents for pid in _children(parent)]
-        return self.random.choice(children) if children else 0
+        for _ in range(100):  # they take a while to start
+            children = [pid for parent in parents for pid in _children(parent)]
+            if children:
+                return self.random.choice(children)
+            time.sleep(0.1)
+        return 0
 
     def ready(self) -> None:
         """The cluster is there, if it takes one."""
