@@ -63,7 +63,8 @@ def simulate(
     """Run one simulation, and the variants that it is compared with (``rollout.variants``); or follow a plan.
 
     A plan (``kind: plan``) is made with what is known of its scene, and followed among the obstacles as they truly
-    move: what is seen on the way is answered by a detour, or a stop.
+    move: what is seen on the way is answered by a detour, or a stop. A section ``replay:`` has the motion followed at
+    torque level; the motion itself is then a variant, "kinematic" or "plan".
     ``run`` is a path, a name, or "-" for standard input; ``sets`` are changes such as
     "controller.gain=100"; ``output`` is the HDF5 file to write, none by default.
     Raises SpecError for bad input; a run that fails is returned with its status and data.
@@ -79,7 +80,7 @@ def simulate(
         from fzcli.record.execution_file import as_rollout
 
         mission = mission_of(document, sets)
-        replay = replay_of(with_sets(document, sets), mission)
+        replay = replay_of(with_sets(document, sets), mission.known)
         execution = execute(mission, argv)
         rollout = as_rollout(execution)
         if replay is not None:

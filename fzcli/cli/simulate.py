@@ -34,6 +34,8 @@ def simulate(
 ) -> None:
     """Run one simulation, with its variants; or follow a plan among its obstacles as they truly move.
 
+    With a section replay: the motion is followed at torque level, and stands beside it as a variant.
+
     Prints metrics, certificate and status; the result goes to an HDF5 file. Ends with 1 when a run
     failed; its data is kept up to there.
     """

@@ -76,9 +76,10 @@ def check(path: Path) -> str:
     elif kind == "simulate":
         _check_simulation(document)
     elif kind == "plan":
+        from fzcli.loop.plan_replay import replay_of
         from fzcli.plan.load import task_of
 
-        task_of(document)
+        replay_of(document, task_of(document))
     else:
         _check_sweep(document)
     return kind

@@ -20,7 +20,7 @@ from fzcli.loop.simulate import rollouts
 from fzcli.loop.torque_loop import with_replay
 from fzcli.model import RobotModel
 from fzcli.plan.load import origin_of
-from fzcli.plan.planning import Task
+from fzcli.plan.planning import AnyTask, Task
 from fzcli.plan.reference import TipReference
 from fzcli.spec.base import SpecModel
 from fzcli.spec.document import Document
@@ -45,16 +45,16 @@ class PathMotion:
     reference: TipReference | None = None
 
 
-def replay_of(document: Document, mission: Mission) -> ReplaySpec | None:
-    """The section ``replay:`` of a plan, None where there is none. Raises SpecError with every problem found."""
+def replay_of(document: Document, task: AnyTask) -> ReplaySpec | None:
+    """The section ``replay:`` of a plan to be made, None without one. Raises SpecError with every problem found."""
     if not isinstance(document.value, dict) or document.value.get("replay") is None:
         return None
     others = set(document.value) - {"replay"}
     section = create_model("Section", __base__=SpecModel, replay=(replay_model(), ...))
-    spec: ReplaySpec = getattr(parse(without(document, others), section, context={BESIDE: document.path}), "replay")  # noqa: B009
-    if not isinstance(mission.known, Task):
+    spec: ReplaySpec = parse(without(document, others), section, context={BESIDE: document.path}).value_at("replay")
+    if not isinstance(task, Task):
         raise SpecError(document.problem("a parallel robot has no dynamics here", ("replay",), at_key=True))
-    misfits = replay_misfits(mission.known.model.robot, spec)
+    misfits = replay_misfits(task.model.robot, spec)
     problems = [document.problem(text, ("replay", *path)) for path, text in misfits]
     if problems:
         raise SpecError(problems)

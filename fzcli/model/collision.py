@@ -179,8 +179,8 @@ def check_solids(model: RobotModel) -> None:
 def self_pairs(model: RobotModel, samples: int = SAMPLES, seed: int = 0) -> SelfPairs:
     """The pairs of a robot's own solids that can part and meet.
 
-    Left out: solids of one body, of bodies with one joint between them, and pairs in contact, or always as far apart,
-    at every one of ``samples`` postures drawn within the joint limits (a full turn or two metres where none are stated).
+    Left out: solids of one body, of bodies with one joint between them, and pairs in contact, or always as far
+    apart, at all of ``samples`` postures within the joint limits (a full turn or two metres where there are none).
     """
     tree = model.tree
     watched, left_out = [], []

@@ -14,7 +14,8 @@ from fzcli.plan.planar_load import names_planar, planar_plan_of
 from fzcli.plan.planar_result import as_any_plan
 from fzcli.plan.planar_spec import AnyRun, PlanarRun
 from fzcli.plan.planar_task import prepare_planar
-from fzcli.plan.planning import AnyTask, prepare, solve
+from fzcli.plan.planning import prepare, solve
+from fzcli.plan.task import AnyTask
 from fzcli.spec.document import Document
 from fzcli.spec.hashing import spec_hash
 from fzcli.spec.library import find

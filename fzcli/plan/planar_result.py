@@ -10,8 +10,8 @@ from fzcli.plan.joint_path import JointPath
 from fzcli.plan.plan import Plan
 from fzcli.plan.planar_bounds import STILL
 from fzcli.plan.planar_task import PlanarTask
-from fzcli.plan.planning import AnyTask, Task
 from fzcli.plan.result import CERTIFICATE, FEWEST, METRICS, SAMPLE, as_plan, kept, knot_jump
+from fzcli.plan.task import AnyTask, Task
 from fzcli.plan.world import Path
 from fzcli.spec.quantity import Signal
 from fzcli.spec.result import Provenance, Status

@@ -16,8 +16,8 @@ from fzcli.plan.plan_spec import acceleration_limits
 from fzcli.plan.planar_spec import AnyRun, PlanarEnd, PlanarRun
 from fzcli.plan.planar_world import PlanarWorld, build_planar_world
 from fzcli.plan.planners import Stage
-from fzcli.plan.planning import nominal_path
 from fzcli.plan.scene import Obstacle, Scene, build_scene
+from fzcli.plan.task import nominal_path
 from fzcli.plan.world import Path
 from fzcli.spec.shapes import CapsuleShape
 

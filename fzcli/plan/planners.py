@@ -12,6 +12,7 @@ from fzcli.plan.paper_planner import trial_and_error
 from fzcli.plan.plan_spec import DetourPlannerSpec, PaperPlannerSpec, PlanRun, RrtPlannerSpec, acceleration_limits
 from fzcli.plan.planar_spec import AnyRun
 from fzcli.plan.rrt_planner import rrt_connect
+from fzcli.plan.scene import build_scene
 from fzcli.plan.world import AnyWorld, World
 
 Find = Callable[[AnyWorld, JointPath, AnyRun], Attempt | None]  # from a nominal path to one that keeps clear
@@ -32,11 +33,11 @@ def stages_of(spec: AnyRun) -> list[Stage]:
     if isinstance(planner, PaperPlannerSpec):
         return [Stage("trial and error in the fixed window", _trials)]
     if isinstance(planner, RrtPlannerSpec):
-        return [_tree(planner, goals=8)]
+        return [_tree(planner, spec, goals=8)]
     stages = [Stage("one detour", _one_detour)]
     for fallback in planner.fallbacks:
         if fallback == "rrt_connect" and isinstance(planner, DetourPlannerSpec):
-            stages.append(_tree(planner, goals=2))
+            stages.append(_tree(planner, spec, goals=2))
         else:
             stages.append(Stage("three detours", _three_detours, goals=2))
     return stages
@@ -46,12 +47,15 @@ def _trials(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None
     return trial_and_error(world, nominal, spec) if isinstance(world, World) and isinstance(spec, PlanRun) else None
 
 
-def _tree(planner: DetourPlannerSpec | RrtPlannerSpec, goals: int) -> Stage:
+def _tree(planner: DetourPlannerSpec | RrtPlannerSpec, spec: AnyRun, goals: int) -> Stage:
     def find(world: AnyWorld, nominal: JointPath, spec: AnyRun) -> Attempt | None:
         if not (isinstance(world, World) and isinstance(spec, PlanRun)):
             return None
         return rrt_connect(world, nominal, spec, planner.iterations, planner.seed)
 
+    floats = isinstance(spec, PlanRun) and spec.robot.base.floating and not spec.hold_base
+    if floats or build_scene(spec.scene).moving:
+        return Stage("RRTConnect, which is for bases and scenes that stand still", find, goals)
     return Stage(f"RRTConnect, {planner.iterations} iterations", find, goals)
 
 

@@ -14,7 +14,7 @@ from fzcli.plan.braked_path import BrakedPath
 from fzcli.plan.detour_planner import Attempt
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.plan import Plan
-from fzcli.plan.planning import Task, poses_of
+from fzcli.plan.task import Task, poses_of
 from fzcli.plan.world import Path
 from fzcli.spec.quantity import Signal
 from fzcli.spec.result import Provenance, Status

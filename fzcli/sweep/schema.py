@@ -1,5 +1,6 @@
 """JSON Schemas of run files: ``kind: simulate``, and ``kind: sweep`` whose run fields may be partial."""
 
+import json
 from typing import Any
 
 from fzcli.loop.run_spec import simulate_model
@@ -32,8 +33,8 @@ def sweep_schema() -> _Schema:
     own = schema_of(SweepFile, "fzcli sweep")
     definitions = {**own.pop("$defs"), "Draw": _draw()}
     sweeps = {
-        "SimulationSweep": _sweep_of(simulate_model(), _OPEN, own, "simulate", definitions),
-        "PlanSweep": _sweep_of(PlanRun, ("planner",), own, "plan", definitions),
+        "SimulationSweep": _sweep_of(simulate_model(), own, "simulate", definitions),
+        "PlanSweep": _sweep_of(PlanRun, own, "plan", definitions),
     }
     return {
         "$schema": own["$schema"],
@@ -46,19 +47,20 @@ def sweep_schema() -> _Schema:
     }
 
 
-def _sweep_of(
-    run: type[SpecModel], sections: tuple[str, ...], own: _Schema, word: str, definitions: _Schema
-) -> _Schema:
+def _sweep_of(run: type[SpecModel], own: _Schema, word: str, definitions: _Schema) -> _Schema:
     """The fields of a sweep of such runs; what they refer to is added to ``definitions``.
 
-    ``sections`` of a run come in kinds; its start may lack what is drawn.
+    Sections that come in kinds may lack any field or have those of another kind; the start may lack what is drawn.
     """
     schema = schema_of(run, "")
     found = schema.pop("$defs")
+    for part in (schema, *found.values()):
+        for name, field in part.get("properties", {}).items():
+            if "discriminator" in field:
+                part["properties"][name] = _merged([found[one] for one in _alternatives(field)])
     fields = {key: value for key, value in schema["properties"].items() if key not in ("kind", "about", "compare")}
-    for section in sections:
-        fields[section] = _merged([found.pop(name) for name in _alternatives(fields[section])])
-    fields["start"] = {**found.pop(fields["start"]["$ref"].rsplit("/", 1)[-1]), "required": []}
+    fields["start"] = {**found[_alternatives(fields["start"])[0]], "required": []}
+    found = _needed(fields, found)
     twice = {name for name in found if name in definitions and definitions[name] != found[name]}
     if twice:
         raise ValueError(f"two models of one name: {', '.join(sorted(twice))}")
@@ -86,6 +88,19 @@ def tune_schema() -> _Schema:
         "properties": {"kind": {"const": "tune", "type": "string"}, **fields, **own["properties"]},
         "required": ["kind", "tune"],
     }
+
+
+def _needed(fields: _Schema, definitions: _Schema) -> _Schema:
+    """The definitions that fields refer to, themselves or through others."""
+    found: _Schema = {}
+    texts = [json.dumps(fields)]
+    while texts:
+        text = texts.pop()
+        for name in set(definitions) - set(found):
+            if f'"#/$defs/{name}"' in text:
+                found[name] = definitions[name]
+                texts.append(json.dumps(definitions[name]))
+    return dict(sorted(found.items()))
 
 
 def _alternatives(section: _Schema) -> list[str]:

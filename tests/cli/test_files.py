@@ -166,3 +166,20 @@ def test_version_and_help(fzcli: Invoke) -> None:
         for option in options | {"--help"}:
             assert option in text
     assert "Usage:" in fzcli(code=2).output
+
+
+def test_info_tells_effort_and_friction_where_a_robot_states_them(fzcli: Invoke, tmp_path: Path) -> None:
+    text = (ROOT / "robots/arm3r.yaml").read_text()
+    old = "type: revolute"
+    assert old in text
+    new = f"{old}, effort: 12 N m, friction: {{viscous: 0.4, coulomb: 1.5}}"
+    (tmp_path / "stiff.yaml").write_text(text.replace(old, new, 1))
+    told = fzcli("info", "stiff.yaml").stdout
+    assert "12 N m, friction 0.4 N m s/rad and 1.5 N m" in told
+    assert told.count("friction") == 1
+
+
+def test_info_tells_branch_and_singularities_of_a_planar_plan(fzcli: Invoke) -> None:
+    told = fzcli("info", "rrr_obstacle").stdout
+    for part in ("branch         --- det-", "watched        9 pairs of solids, 10 mm apart", "kept off by 0.1"):
+        assert part in told

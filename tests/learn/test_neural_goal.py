@@ -1,4 +1,4 @@
-"""``ik: {kind: neural, ...}`` in a plan: networks give the final posture, refined and gated; what they missed is told."""
+"""``ik: {kind: neural, ...}`` in a plan: networks give the final posture, refined and gated, and what they missed."""
 
 from pathlib import Path
 from typing import Any
@@ -78,7 +78,7 @@ def test_where_they_have_no_answer_the_exact_inverse_has(arm: NetworkSet, tmp_pa
         ("ik.networks=planar.npz", "planar.npz were trained for the robot 'rrr_planar', not for 'melfa_rv1a'"),
         ("ik.networks=none.npz", "ik.networks: no such file 'none.npz'; fzcli train writes one"),
         ("ik.networks=plan.yaml", "is no file of networks, or damaged"),
-        ("goal={q: [0, 0, 80 deg, 0, 20 deg, 0]}", "plan.yaml:5:5: ik: serves goals that are given as position and rpy"),
+        ("goal={q: [0, 0, 80 deg, 0, 20 deg, 0]}", "plan.yaml:5:5: ik: serves goals that are given as position and"),
         ("goal={position: [0.3, 0, 0.5]}", "goal: rpy is needed: networks are asked for whole poses"),
         ("robot=melfa_free_flyer", "ik: networks give postures on a base that stands still; say hold_base: true"),
         ("ik.kind=neurl", "ik.kind: unknown kind 'neurl'; did you mean 'neural'?"),

@@ -135,7 +135,16 @@ def test_where_there_is_no_way_nothing_is_written(tmp_path: Path) -> None:
         "  - sphere: {center: [0.338, 0, 0.345], radius: 0.05}\nplanner: {kind: detour,",
         f"{wall}\nplanner: {{kind: detour, iterations: 20,",
     )
-    assert "no path keeps 10 mm clear for 1 final posture; tried: one detour; three detours; RRTConnect" in text
+    assert "no path keeps 10 mm clear for 1 final posture; tried: one detour; three detours; RRTConnect, 20 i" in text
+
+
+def test_among_moving_obstacles_no_tree_is_said_to_have_been_tried(tmp_path: Path) -> None:
+    text = refused(
+        tmp_path,
+        "0.345], radius: 0.05}\nplanner: {kind: detour, weights: [1, 1, 1, 0.3, 0.3, 0.05]}",
+        "0.345], radius: 0.05}\n    velocity: [0, 0, 1 mm/s]\nplanner: {kind: rrt_connect}",
+    )
+    assert "tried: RRTConnect, which is for bases and scenes that stand still" in text
 
 
 def test_two_obstacles_of_one_name(tmp_path: Path) -> None:
