@@ -148,7 +148,7 @@ def reaches(toolbox: Toolbox | None) -> None:
     """Microseconds a pose: whole runs of the sweep fabrik_random, beside a solve for the posture alone."""
     sweep, builds = load_sweep("fabrik_random"), Builds()
     spec = next(spec for spec in sweep.specs if _swept(spec.controller))
-    drawn = draw_trajectories(sweep, builds, 1, lambda what, done, total: None).values
+    drawn = draw_trajectories(sweep, builds, range(sweep.file.trajectories.count)).values
     rows = rows_of(builds, spec, sweep.draws, drawn, np.arange(len(drawn)))[0]
     engine = rows.build.engine(record=False)
     names = [metric.name for metric in rows.build.loop.metrics]

@@ -107,16 +107,19 @@ def sweep(
     """Run all configurations of a sweep on all its trajectories.
 
     ``jobs`` threads (all cores by default; results do not depend on it); ``progress(what, done,
-    total)`` is called on the way; ``output`` is the HDF5 file to write, none by default.
+    total)`` is called on the way; ``output`` is the HDF5 file to write, none by default: with it the sweep goes on
+    where an earlier call was stopped, and the record's columns are read from the file when they are asked for.
     Raises SpecError for bad input; failed runs are rows with status 2.
     """
-    from fzcli.sweep.execute import load_sweep, run_sweep, save_sweep
+    from fzcli.sweep.execute import Listener, Means, load_sweep, run_sweep, sweep_to
 
     resolved = load_sweep(run, sets)
-    record = run_sweep(resolved, jobs, progress, argv)
-    if output is not None:
-        save_sweep(resolved, record, output)
-    return record
+    if output is None:
+        return run_sweep(resolved, jobs, progress, argv)
+    from fzcli.record.sweep_file import read_sweep
+
+    listener = Listener(progress) if progress else Listener()
+    return read_sweep(sweep_to(resolved, Path(output), Means(jobs), listener, argv).path)
 
 
 def plan(

@@ -64,3 +64,9 @@ class RecordError(FzcliError):
 
 class IntegrationError(FzcliError):
     """A step that an error-controlled integrator cannot take within its tolerance and its number of inner steps."""
+
+
+class UnfinishedError(FzcliError):
+    """A sweep that was stopped on its way; what is done is kept, and the same command goes on from there."""
+
+    exit_code = 3

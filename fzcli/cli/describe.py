@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from fzcli.spec.robot import Link, Robot
     from fzcli.spec.rulebase import Rulebase
     from fzcli.sweep.resolve import Sweep
+    from fzcli.sweep.tune_spec import Tuning
 
 
 def describe_robot(robot: "Robot") -> list[str]:
@@ -132,6 +133,15 @@ def describe_sweep(sweep: "Sweep") -> list[str]:
     count, configurations = trajectories.count, len(sweep.specs)
     facts["runs"] = f"{configurations} configurations x {count} trajectories = {configurations * count}"
     return _facts_lines(facts)
+
+
+def describe_tuning(tuning: "Tuning") -> list[str]:
+    """What is tuned, on which runs, to what end."""
+    section = tuning.section
+    facts = {f"from {path}": f"{vary.low:g} to {vary.high:g}" for path, vary in section.vary.items()}
+    facts["minimise"] = f"mean {section.minimise}" + (f", no more runs with {section.lost}" if section.lost else "")
+    facts["candidates"] = f"{section.candidates} x {section.generations + 1} generations"
+    return [*describe_sweep(tuning.sweep), *_facts_lines(facts)]
 
 
 def describe_plan(task: "AnyTask") -> list[str]:

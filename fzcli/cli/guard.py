@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import os
+import shlex
 import signal
 import sys
 from collections.abc import Callable
@@ -11,7 +12,7 @@ from typing import Any, TypeVar
 
 import typer
 
-from fzcli.errors import FzcliError
+from fzcli.errors import FzcliError, UnfinishedError
 
 FAILED = 1
 received: list[int] = []  # signals that asked this process to end
@@ -48,6 +49,9 @@ def guarded(command: F) -> F:
         except KeyboardInterrupt:
             say("interrupted")
             code = 128 + signal.SIGINT
+        except UnfinishedError as error:
+            say(f"{error}; go on with: {shlex.join(('fzcli', *sys.argv[1:]))}")
+            code = error.exit_code
         except FzcliError as error:
             if debugging():
                 raise

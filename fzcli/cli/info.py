@@ -65,6 +65,11 @@ def _run(document: "Document", kind: str) -> list[str]:
     from fzcli.loop.simulate import run_of, variants_of
     from fzcli.sweep.resolve import resolve
 
+    if kind == "tune":
+        from fzcli.cli.describe import describe_tuning
+        from fzcli.sweep.tune_spec import resolve_tuning
+
+        return describe_tuning(resolve_tuning(document))
     if kind == "sweep":
         return describe_sweep(resolve(document))
     if kind == "plan":

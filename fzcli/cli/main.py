@@ -5,18 +5,22 @@ from typing import Annotated
 import typer
 
 from fzcli import __version__
+from fzcli.cli.check import check
 from fzcli.cli.find import find
 from fzcli.cli.get import get
 from fzcli.cli.guard import end_on_signals
 from fzcli.cli.info import info
 from fzcli.cli.init import init
+from fzcli.cli.merge import merge
 from fzcli.cli.plan import plan
 from fzcli.cli.plot import plot
 from fzcli.cli.schema import schema
 from fzcli.cli.simulate import simulate
+from fzcli.cli.status import status
 from fzcli.cli.sweep import sweep
 from fzcli.cli.table import table
 from fzcli.cli.train import train
+from fzcli.cli.tune import tune
 from fzcli.cli.validate import validate
 
 app = typer.Typer(
@@ -27,7 +31,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
 )
-for command in (simulate, sweep, plan, train, table, find, get, plot, info, validate, schema, init):
+_SWEEPS = (sweep, merge, status, check, tune)
+for command in (simulate, *_SWEEPS, plan, train, table, find, get, plot, info, validate, schema, init):
     app.command()(command)
 
 
@@ -46,7 +51,8 @@ def _all(
     """Simulate manipulators on free-floating bases: YAML in, certified HDF5 and tables out.
 
     Standard output is data only; messages and progress go to standard error. Exit codes: 0 done (flagged
-    runs included), 1 a run or the computation failed, 2 bad usage or input, 130 and 143 on signals.
+    runs included), 1 a run or the computation failed, 2 bad usage or input, 3 unfinished, to be gone on with by the
+    same command, 130 and 143 on signals.
     """
 
 

@@ -4,6 +4,7 @@ import os
 import shutil
 import sys
 from enum import StrEnum
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -22,6 +23,17 @@ SetOption = Annotated[
 ]
 QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="No messages or progress; errors are still told.")
+]
+
+
+SweepOutputOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="PATH",
+        help="The HDF5 file, or a folder for it. Default: NAME/NAME.h5 beside the run file.",
+    ),
 ]
 
 
@@ -60,6 +72,7 @@ class Kind(StrEnum):
     sweep = "sweep"
     plan = "plan"
     train = "train"
+    tune = "tune"
 
 
 def table_width() -> int:

@@ -14,7 +14,7 @@ def schema(
         Kind | None,
         typer.Argument(
             metavar="KIND",
-            help="robot, planar_3rrr, rulebase, simulate, sweep, plan or train; all in one object by default.",
+            help="robot, planar_3rrr, rulebase, simulate, sweep, plan, train or tune; all in one object by default.",
         ),
     ] = None,
 ) -> None:
@@ -33,7 +33,7 @@ def all_schemas() -> dict[str, dict[str, Any]]:
     from fzcli.learn.train_spec import TrainRun
     from fzcli.plan.planar_spec import AnyRun
     from fzcli.spec.schema import json_schema, schema_of
-    from fzcli.sweep.schema import simulate_schema, sweep_schema
+    from fzcli.sweep.schema import simulate_schema, sweep_schema, tune_schema
 
     return {
         "robot": json_schema("robot"),
@@ -43,4 +43,5 @@ def all_schemas() -> dict[str, dict[str, Any]]:
         "sweep": sweep_schema(),
         "plan": schema_of(AnyRun, "fzcli plan"),
         "train": schema_of(TrainRun, "fzcli training"),
+        "tune": tune_schema(),
     }

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fzcli.errors import SpecError, UsageError
 
-KINDS = ("robot", "planar_3rrr", "rulebase", "simulate", "sweep", "plan", "train")
+KINDS = ("robot", "planar_3rrr", "rulebase", "simulate", "sweep", "plan", "train", "tune")
 _FOLDERS = ("robots", "rulebases", "runs")
 
 

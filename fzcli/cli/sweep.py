@@ -1,5 +1,6 @@
 """``fzcli sweep``: many runs to an HDF5 file and a table."""
 
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -10,14 +11,12 @@ import typer
 
 from fzcli.cli.engine_note import note_engine
 from fzcli.cli.guard import FAILED, emit, guarded, say
-from fzcli.cli.options import QuietOption, RunArgument, SetOption, TableFormat, colored, table_width
+from fzcli.cli.options import QuietOption, RunArgument, SetOption, SweepOutputOption, TableFormat, colored, table_width
 
 if TYPE_CHECKING:
     from fzcli.record.sweep_record import SweepRecord
-    from fzcli.sweep.plan_sweep import PlanSweep
-    from fzcli.sweep.resolve import Sweep
-
-    AnySweep = Sweep | PlanSweep
+    from fzcli.sweep.execute import Listener, Means
+    from fzcli.sweep.meaning import AnySweep
 
 
 @guarded
@@ -27,65 +26,110 @@ def sweep(
     jobs: Annotated[
         int | None,
         typer.Option(
-            "--jobs", "-j", min=1, help="Threads, or processes of plans; all cores by default. No result depends on it."
+            "--jobs", "-j", min=1, help="Threads or processes; all cores by default. No result depends on it."
         ),
     ] = None,
-    output: Annotated[
-        Path | None,
+    processes: Annotated[
+        bool | None,
         typer.Option(
-            "--output",
-            "-o",
-            metavar="PATH",
-            help="The HDF5 file, or a folder for it. Default: NAME/NAME.h5 beside the run file.",
+            "--processes/--threads", help="What the jobs are; threads, but processes for plans and without a compiler."
         ),
     ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster: tcp://HOST:PORT, or local: one here."),
+    ] = None,
+    scheduler_file: Annotated[
+        Path | None, typer.Option("--scheduler-file", metavar="FILE", help="Run on the Dask cluster of this file.")
+    ] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option("--shard", metavar="K/N", help="Compute part K of N alone, as in a job array; see fzcli merge."),
+    ] = None,
+    output: SweepOutputOption = None,
     format: Annotated[
         TableFormat, typer.Option("--format", help="Of the table on standard output.")
     ] = TableFormat.rich,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Check the file and print how many runs it makes.")
+        bool, typer.Option("--dry-run", help="Say how many runs and shards, how long and how large; keep nothing.")
     ] = False,
     quiet: QuietOption = False,
 ) -> None:
     """Run a sweep and print its table.
 
-    Every configuration runs on every trajectory; runs are simulations or, by `run: plan`, plans. The result goes
-    to an HDF5 file. Ends with 1 when runs failed that the file does not expect to fail.
+    Every configuration runs on every trajectory; runs are simulations or, by `run: plan`, plans. The result goes to an
+    HDF5 file. The same command goes on with a sweep that was stopped or killed, and prints the table of a finished
+    one. The first Ctrl-C lets the shards in flight finish. Ends with 1 when runs failed that the file does not expect
+    to fail, with 3 when it is not finished.
     """
     from fzcli.cli.progress import Progress
     from fzcli.cli.sources import run_source
-    from fzcli.sweep.execute import load_sweep, run_sweep, save_sweep
+    from fzcli.cli.stopping import gentle_stop
+    from fzcli.sweep.execute import Listener, Means, load_sweep
 
     source = run_source(run)
     path = source.output(output)
+    part = _part(shard)
     resolved = load_sweep(source.path, sets)
+    means = Means(jobs, processes, dask, scheduler_file)
     if dry_run:
-        emit(_plan(resolved, path))
+        from fzcli.cli.dry_run import dry_run as told
+
+        emit(told(resolved, path, means))
         return
+    with Progress(quiet) as progress, gentle_stop() as stop:
+        listener = Listener(progress, lambda text: say(text, quiet), stop)
+        if part is not None:
+            _compute_part(resolved, path, part, means, listener, quiet)
+            return
+        _compute(resolved, path, means, listener, quiet)
+    print_result(resolved, path, format)
+
+
+def _compute(resolved: "AnySweep", path: Path, means: "Means", listener: "Listener", quiet: bool) -> None:
+    from fzcli.sweep.execute import sweep_to
+
     if resolved.file.run == "simulate":
         note_engine(quiet)
     begin = time.monotonic()
-    with Progress(quiet) as progress:
-        record = run_sweep(resolved, jobs, progress, ("fzcli", *sys.argv[1:]))
-        save_sweep(resolved, record, path)
+    done = sweep_to(resolved, path, means, listener, ("fzcli", *sys.argv[1:]))
     seconds = time.monotonic() - begin
-    runs = len(record.metrics["status"])
-    say(f"{runs} runs in {seconds:.1f} s; wrote {path} ({path.stat().st_size / 1e6:.2f} MB)", quiet)
+    size = f"{done.path.stat().st_size / 1e6:.2f} MB"
+    if done.computed:
+        say(f"{done.computed} runs in {seconds:.1f} s; wrote {done.path} ({size})", quiet)
+    else:
+        say(f"finished before: {done.path} ({size})", quiet)
+
+
+def _compute_part(
+    resolved: "AnySweep", path: Path, part: tuple[int, int], means: "Means", listener: "Listener", quiet: bool
+) -> None:
+    from fzcli.sweep.execute import sweep_part
+
+    begin = time.monotonic()
+    runs = sweep_part(resolved, path, part, means, listener)
+    say(f"part {part[0]} of {part[1]}: {runs} runs in {time.monotonic() - begin:.1f} s", quiet)
+
+
+def _part(text: str | None) -> tuple[int, int] | None:
+    """K and N of ``K/N``."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d+)/(\d+)", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise typer.BadParameter(f"must be K/N with K from 1 to N, such as 3/100, not {text!r}", param_hint="--shard")
+    return int(match[1]), int(match[2])
+
+
+def print_result(resolved: "AnySweep", path: Path, format: TableFormat) -> None:
+    """The table of a finished sweep; ends with 1 when runs failed that were not expected to."""
+    from fzcli.record.sweep_file import read_sweep
+    from fzcli.sweep.meaning import meaning_of
+    from fzcli.sweep.output import finished
+
+    record = read_sweep(finished(path, meaning_of(resolved)) or path)
     emit(_table(resolved, record, format))
     _judge(resolved, record)
-
-
-def _plan(resolved: "AnySweep", path: Path) -> str:
-    trajectories = resolved.file.trajectories
-    configurations = len(resolved.specs)
-    facts = {
-        "configurations": configurations,
-        "trajectories": trajectories.count,
-        "runs": configurations * trajectories.count,
-        "filter": " and ".join(trajectories.keep_if.that) if trajectories.keep_if else "none",
-        "output": path,
-    }
-    return "".join(f"{name:<15} {value}\n" for name, value in facts.items())
 
 
 def _table(resolved: "AnySweep", record: "SweepRecord", format: TableFormat) -> str:

@@ -63,6 +63,10 @@ def check(path: Path) -> str:
         from fzcli.spec.any_robot import planar_of
 
         planar_of(document)
+    elif kind == "tune":
+        from fzcli.sweep.tune_spec import resolve_tuning
+
+        resolve_tuning(document)
     elif kind == "train":
         from fzcli.learn.train import train_of
 
@@ -92,20 +96,6 @@ def _check_simulation(document: "Document") -> None:
 
 
 def _check_sweep(document: "Document") -> None:
-    from fzcli.record.table import check_names
-    from fzcli.sweep.builds import Builds
-    from fzcli.sweep.execute import resolve_any, table_spec
-    from fzcli.sweep.plan_runs import check_table
-    from fzcli.sweep.plan_sweep import PlanSweep
+    from fzcli.sweep.execute import checked_worker, resolve_any
 
-    sweep = resolve_any(document)
-    table = table_spec(sweep)
-    if isinstance(sweep, PlanSweep):
-        if table is not None:
-            check_table(sweep, table)
-        return
-    builds = Builds()
-    found = [builds.of(spec) for spec in (*sweep.specs, *([sweep.filter] if sweep.filter else []))]
-    if table is not None:
-        names = dict.fromkeys(metric.name for build in found for metric in build.loop.metrics)
-        check_names(sweep.changes, [*names, "n_steps"], table)
+    checked_worker(resolve_any(document))

@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from fzcli.errors import EngineError
+from fzcli.loop.file_lock import locked
 
 FLAGS = (
     "-O2",
@@ -132,8 +133,10 @@ def _no_cache(folder: Path, error: OSError) -> str:
     return f"{folder}: compiled loops cannot be kept here: {why}; name a writable folder with FZCLI_CACHE_DIR"
 
 
-def build_library(source: str, lanes: int, compiler: Compiler, isa: str) -> ctypes.CDLL:
-    """Compile C text (or take it from the cache) and load it.
+def build_library(
+    source: str, lanes: int, compiler: Compiler, isa: str, folder: Path | None = None
+) -> ctypes.CDLL:
+    """Compile C text (or take it from the cache, or the ``folder`` that stands for it) and load it.
 
     The cache is keyed by the hash of source, flags and compiler; a file whose checksum does not
     match is compiled again. Raises EngineError with the compiler's own words when it fails.
@@ -141,11 +144,13 @@ def build_library(source: str, lanes: int, compiler: Compiler, isa: str) -> ctyp
     flags = [*FLAGS, *(GCC_FLAGS if compiler.gcc else ()), *ISA_FLAGS[isa], f"-DLANES={lanes}"]
     text = "\0".join([source, *flags, *compiler.command, compiler.identity, platform.machine()])
     key = hashlib.sha256(text.encode()).hexdigest()[:40]
-    folder = cache_folder()
+    folder = folder or cache_folder()
     library, checksum = folder / f"{key}.so", folder / f"{key}.sha256"
     if not _intact(library, checksum):
         try:
-            _compile(source, flags, compiler, library, checksum)
+            with locked(folder / f"{key}.lock"):  # of several processes, one compiles and the others wait for it
+                if not _intact(library, checksum):
+                    _compile(source, flags, compiler, library, checksum)
         except OSError as error:
             raise EngineError(_no_cache(folder, error)) from error
     return ctypes.CDLL(str(library))

@@ -4,6 +4,7 @@ import ctypes
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -90,7 +91,12 @@ class CompiledEngine:
     """
 
     def __init__(
-        self, loop: Rollable, lanes: int | None = None, compiler: Compiler | None = None, isa: str | None = None
+        self,
+        loop: Rollable,
+        lanes: int | None = None,
+        compiler: Compiler | None = None,
+        isa: str | None = None,
+        folder: Path | None = None,
     ) -> None:
         compiler = compiler or find_compiler()
         if compiler is None:
@@ -100,7 +106,7 @@ class CompiledEngine:
         self.isa = isa
         self.lanes = lanes or ISA_LANES[isa]
         self.name = "compiled"
-        self.library = build_library(c_source(loop), self.lanes, compiler, isa)
+        self.library = build_library(c_source(loop), self.lanes, compiler, isa, folder)
         self.library.fzcli_rollouts.restype = ctypes.c_int
 
     def run(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,12 +126,13 @@ def _joined(pieces: list[Batch], n_steps: NDArray[np.int64]) -> Batch:
     return replace(pieces[0], record=record, **named)
 
 
-def make_engine(loop: ClosedLoop, lanes: int | None = None) -> Engine:
+def make_engine(loop: ClosedLoop, lanes: int | None = None, folder: Path | None = None) -> Engine:
     """The compiled engine where there is a C compiler, else the virtual machine; with its law's search.
 
-    A loop with the adaptive integrator runs in the virtual machine.
+    A loop with the adaptive integrator runs in the virtual machine. ``folder``: where what is compiled is put, in
+    place of the cache.
     """
-    engine: Engine = _plain_engine(loop, lanes) if loop.adaptive is None else AdaptiveMachine(loop, loop.adaptive)
+    engine: Engine = AdaptiveMachine(loop, loop.adaptive) if loop.adaptive else _plain_engine(loop, lanes, folder)
     searcher = searcher_of(loop)
     return engine if searcher is None else SearchingEngine(engine, searcher)
 
@@ -140,7 +142,7 @@ def searcher_of(loop: ClosedLoop) -> Searcher | None:
     return None if loop.search is None else Searcher(loop.search, _plain_engine(loop.search, None))
 
 
-def _plain_engine(loop: Rollable, lanes: int | None) -> Engine:
+def _plain_engine(loop: Rollable, lanes: int | None, folder: Path | None = None) -> Engine:
     if find_compiler() is None:
         return VirtualMachine(loop)
-    return CompiledEngine(loop, lanes)
+    return CompiledEngine(loop, lanes, folder=folder)

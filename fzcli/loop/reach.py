@@ -1,7 +1,6 @@
 """Whether a target that stands still can be reached at all, told before anything runs."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from fzcli.errors import SpecError
 from fzcli.loop.run_spec import SimulateRun
@@ -25,6 +24,8 @@ def out_of_reach(spec: SimulateRun) -> str:
         centre = np.array(model.com(spec.start.q, spec.start.attitude)).ravel()
     else:
         root = np.array(model.function("chain", tip)(spec.start.q)[0])[:, 0]
+        from scipy.spatial.transform import Rotation
+
         w, *xyz = spec.start.attitude
         centre = Rotation.from_quat([*xyz, w]).apply(root)
     away = np.array(reference.position) - np.array(spec.start.base_position) - centre

@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, GetJsonSchemaHandler, create_model, model_validator
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
 
 from fzcli.control.registry import controllers
 from fzcli.loop.replay_spec import ReplaySpec, replay_misfits, replay_model
@@ -109,12 +111,34 @@ class StopSpec(SpecModel):
 
 
 class RecordSpec(SpecModel):
-    """What a result file holds."""
+    """What a result file holds; a word alone says which runs of a sweep are kept with their trajectories."""
 
+    keep: Annotated[
+        Literal["ends", "metrics", "failures", "full"],
+        Field(description="runs of a sweep kept whole: best, median and worst a configuration; none; failed; all"),
+    ] = "ends"
+    every: Annotated[int | None, Field(ge=1, description="keep every n-th trajectory instead")] = None
+    best: Annotated[int | None, Field(ge=1, description="keep the n best of each configuration instead")] = None
     precision: Annotated[Literal["f4", "f8"], Field(description="of trajectories; metrics are f8 always")] = "f4"
     rank_by: Annotated[str, Field(description="metric by which a sweep's best, median and worst runs are kept")] = (
         "tip_error_mean"
     )
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        whole = handler.resolve_ref_schema(handler(core))
+        return {"anyOf": [whole["properties"]["keep"], whole]}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _word(cls, value: Any) -> Any:
+        return {"keep": value} if isinstance(value, str) else value
+
+    @model_validator(mode="after")
+    def _one_choice(self) -> "RecordSpec":
+        if sum((self.keep != "ends", self.every is not None, self.best is not None)) > 1:
+            raise ValueError("give one of keep, every and best")
+        return self
 
 
 class SimulateRun(SpecModel):

@@ -4,6 +4,7 @@ import platform
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -235,7 +236,8 @@ def provenance(spec: Any, engine: Engine, argv: Sequence[str] = (), seed: int | 
     )
 
 
-def versions() -> dict[str, str]:
+@cache
+def versions() -> Mapping[str, str]:
     """Versions of everything that the numbers depend on."""
     found = {"python": platform.python_version(), "platform": sys.platform}
     for name in ("fzcli", "casadi", "numpy"):

@@ -1,6 +1,6 @@
 """A Rollout as a list of columns (names, units, labelled axes) and back: what its files have in common."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -145,19 +145,29 @@ def write_numbers(
         writer.array(about, values if dims else values[0], **marks)
 
 
-def read_numbers(group: h5py.Group, row: int | None = None) -> tuple[dict[str, float], dict[str, Signal]]:
-    """One row of what ``write_numbers`` wrote (None: scalars), and the description of the names."""
-    numbers: dict[str, float] = {}
-    info: dict[str, Signal] = {}
-    for name, dataset in group.items():
-        if "described" not in dataset.attrs:
-            continue
-        if row is not None and "present" in dataset.attrs and not dataset.attrs["present"][row]:
-            continue
-        numbers[name] = float(dataset[()] if row is None else dataset[row])
-        if dataset.attrs["described"]:
-            info[name] = read_signal(name, dataset)
-    return numbers, info
+def read_numbers(group: h5py.Group) -> tuple[dict[str, float], dict[str, Signal]]:
+    """What ``write_numbers`` wrote of a single run (scalars), and the description of the names."""
+    numbers = {name: float(dataset[()]) for name, dataset in _numbered(group)}
+    return numbers, _described(group)
+
+
+def read_numbers_of(group: h5py.Group, rows: int) -> tuple[list[dict[str, float]], dict[str, Signal]]:
+    """What ``write_numbers`` wrote of several runs, and the description of the names."""
+    found: list[dict[str, float]] = [{} for _ in range(rows)]
+    for name, dataset in _numbered(group):
+        present = dataset.attrs.get("present", np.ones(rows))
+        for numbers, value, there in zip(found, dataset[...].tolist(), present, strict=True):
+            if there:
+                numbers[name] = value
+    return found, _described(group)
+
+
+def _numbered(group: h5py.Group) -> Iterator[tuple[str, h5py.Dataset]]:
+    return ((name, dataset) for name, dataset in group.items() if "described" in dataset.attrs)
+
+
+def _described(group: h5py.Group) -> dict[str, Signal]:
+    return {name: read_signal(name, dataset) for name, dataset in _numbered(group) if dataset.attrs["described"]}
 
 
 def read_signal(name: str, dataset: h5py.Dataset) -> Signal:

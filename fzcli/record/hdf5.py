@@ -7,7 +7,7 @@ import secrets
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, BinaryIO, Literal
 
 import h5py
 import numpy as np
@@ -15,40 +15,43 @@ from numpy.typing import NDArray
 
 from fzcli.errors import RecordError
 from fzcli.record.names import DIMENSIONS, EXTRAS, FORMAT, Name
+from fzcli.record.spool import Spool
 from fzcli.spec.result import STATUS_NAMES, Provenance
 
 Precision = Literal["f4", "f8"]
 FILTERS = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
 CHUNK_BYTES = 1 << 18
+TEMPORARY = ".tmp"  # how names of files end that are being written
 
 
 @contextlib.contextmanager
 def create_file(path: Path, kind: str) -> Iterator[h5py.File]:
     """A new HDF5 file that takes the place of ``path`` only once it is whole and on disk.
 
-    It is built in memory (compressed, so smaller than what it is made from), because the HDF5
-    library can crash the process when the disk is full; plain writes fail with a plain error.
-
     Raises:
         RecordError: the file or its folder cannot be written; what stood at ``path`` is untouched.
     """
-    in_memory = {"driver": "core", "backing_store": False, "block_size": 1 << 21}
-    with h5py.File(path, "w", track_order=True, **in_memory) as file:
-        file.attrs["fzcli_kind"] = kind
-        file.attrs["fzcli_format"] = FORMAT
-        yield file
-        file.flush()
-        image = file.id.get_file_image()
-    _replace(Path(path), image)
+    with replacing(Path(path)) as stream:
+        spool = Spool(stream)
+        with h5py.File(spool, "w", track_order=True) as file:
+            file.attrs["fzcli_kind"] = kind
+            file.attrs["fzcli_format"] = FORMAT
+            yield file
+        spool.finish()
 
 
-def _replace(path: Path, content: bytes) -> None:
-    """Puts the content at ``path`` in one step, by way of a temporary file beside it."""
-    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}.tmp")
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """A stream into a temporary file beside ``path``, which takes its place in one step when all is on disk.
+
+    Raises:
+        RecordError: file or folder cannot be written; what stood at ``path`` is untouched.
+    """
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(6)}{TEMPORARY}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("xb") as stream:
-            stream.write(content)
+        with temporary.open("x+b") as stream:
+            yield stream
             stream.flush()
             os.fsync(stream.fileno())
         os.replace(temporary, path)
@@ -135,7 +138,23 @@ class GroupWriter:
 
     def array(self, about: Name, values: Any, *, attach: bool = True, **attributes: Any) -> h5py.Dataset:
         """Writes one dataset with its unit, its meaning, further attributes and its dimensions."""
-        dataset = self._create(about.name, values)
+        return self._about(self._create(about.name, values), about, attach, attributes)
+
+    def room(self, about: Name, shape: tuple[int, ...], **attributes: Any) -> h5py.Dataset:
+        """A dataset of trajectories, in the file's precision for them, to be filled rows by rows."""
+        kind = np.dtype(self.precision)
+        if 0 in shape:
+            return self._about(self.group.create_dataset(about.name, shape, kind), about, True, attributes)
+        chunks = _chunks(shape, kind.itemsize)
+        dataset = self.group.create_dataset(about.name, shape, kind, chunks=chunks, fillvalue=np.nan, **FILTERS)
+        return self._about(dataset, about, True, attributes)
+
+    def fill(self, dataset: h5py.Dataset, first: int, values: NDArray[Any]) -> None:
+        """Writes rows of a dataset that ``room`` made."""
+        with np.errstate(over="ignore"):  # a diverged run may leave the range of f4: stored as inf
+            dataset[first : first + len(values)] = values.astype(self.precision, copy=False)
+
+    def _about(self, dataset: h5py.Dataset, about: Name, attach: bool, attributes: dict[str, Any]) -> h5py.Dataset:
         dataset.attrs["units"] = about.unit
         dataset.attrs["long_name"] = about.long_name
         for key, value in attributes.items():
@@ -181,7 +200,7 @@ class GroupWriter:
             return self.group.create_dataset(name, data=texts.reshape(array.shape), dtype=h5py.string_dtype())
         if array.ndim == 0 or array.size == 0:
             return self.group.create_dataset(name, data=array)
-        return self.group.create_dataset(name, data=array, chunks=_chunks(array), **FILTERS)
+        return self.group.create_dataset(name, data=array, chunks=_chunks(array.shape, array.itemsize), **FILTERS)
 
 
 def _clean(text: str) -> str:
@@ -189,12 +208,12 @@ def _clean(text: str) -> str:
     return text.replace("\0", "\ufffd").encode("utf-8", "replace").decode("utf-8")
 
 
-def _chunks(array: NDArray[Any]) -> tuple[int, ...]:
+def _chunks(shape: tuple[int, ...], size: int) -> tuple[int, ...]:
     """One chunk a kept run, cut along time (or along the runs) where it would pass CHUNK_BYTES."""
-    if array.ndim >= 3:
-        return (1, *array.shape[1:])
-    row = max(1, array.nbytes // array.shape[0])
-    return (min(array.shape[0], max(1, CHUNK_BYTES // row)), *array.shape[1:])
+    if len(shape) >= 3:
+        return (1, *shape[1:])
+    row = max(1, size * int(np.prod(shape[1:])))
+    return (min(shape[0], max(1, CHUNK_BYTES // row)), *shape[1:])
 
 
 def write_provenance(writer: GroupWriter, provenance: Provenance) -> None:

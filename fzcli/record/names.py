@@ -55,6 +55,7 @@ DIMENSIONS = {
         Name("config", "1", "index of the configuration"),
         Name("trajectory", "1", "index of the trajectory, the same in every configuration"),
         Name("kept", "1", "index of the run among those kept whole"),
+        Name("shard", "1", "index of the shard among those that keep runs"),
     )
 }
 
@@ -77,6 +78,9 @@ EXTRAS = {
         Name("argv", "", "command line, JSON"),
         Name("configs_json", "", "the configuration, JSON"),
         Name("provenance_json", "", "origin of the kept run where it differs from the sweep's, JSON"),
+        Name("shard_file", "", "file beside this one that keeps runs"),
+        Name("shard_sha256", "", "hash of what is in it"),
+        Name("shard_kept", "1", "runs that it keeps"),
         Name("table_json", "", "the table section of the specification, JSON"),
         Name("beside_csv", "", "published numbers to show beside the results, CSV"),
     )

@@ -4,9 +4,12 @@ The root and every group open by themselves in xarray; configurations and draws 
 rows of the root by the columns ``config`` and ``trajectory``.
 """
 
+import io
 import json
 import math
+import os
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +17,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from fzcli.errors import RecordError
 from fzcli.record.columns import read_signal
 from fzcli.record.hdf5 import (
     GroupWriter,
@@ -23,61 +27,174 @@ from fzcli.record.hdf5 import (
     read_provenance,
     read_text,
     read_texts,
+    replacing,
+    walk,
     write_provenance,
 )
 from fzcli.record.kept import read_kept, write_kept
-from fzcli.record.names import INDEX_COLUMNS, Name, signal_of
-from fzcli.record.sweep_record import SweepRecord
+from fzcli.record.kept_in_files import KeptInFile, KeptInShards
+from fzcli.record.names import EXTRAS, INDEX_COLUMNS, Name, signal_of
+from fzcli.record.scratch import Columns
+from fzcli.record.shard_file import shard_hash
+from fzcli.record.sweep_record import KeptRun, SweepRecord
 from fzcli.record.table_spec import TableSpec
 from fzcli.spec.quantity import Signal
+from fzcli.spec.result import Provenance
 
 
 def write_sweep(
-    record: SweepRecord, path: Path | str, precision: Precision = "f4", table: TableSpec | None = None
-) -> None:
+    record: SweepRecord,
+    path: Path | str,
+    precision: Precision = "f4",
+    table: TableSpec | None = None,
+    most: int | None = None,
+) -> bool:
     """Writes the sweep to ``path``, whole or not at all; metrics are f8, kept trajectories ``precision``.
 
     ``table`` is how the sweep asks to be shown; it is kept inside, so that the file alone makes its table.
+    Kept runs that lie in shards of more than ``most`` bytes together stay there, and the file refers to them by name
+    and hash. Gives whether it does.
 
     Raises:
         RecordError: the file cannot be written, or a kept run's array does not fit its time.
     """
+    kept = record.kept
+    referred = isinstance(kept, KeptInShards) and most is not None and kept.bytes > most
     with create_file(Path(path), "sweep") as file:
         writer = GroupWriter(file, precision)
         _write_metrics(writer, record)
         _write_configs(writer.subgroup("configs"), record)
         _write_draws(writer.subgroup("draws"), record)
-        if record.kept:
-            write_kept(writer.subgroup("kept"), record.kept, record.provenance)
+        if isinstance(kept, KeptInShards) and referred:
+            _write_references(writer.subgroup("shards"), kept, Path(path).parent)
+        elif kept:
+            write_kept(writer.subgroup("kept"), kept, record.provenance)
         write_provenance(writer, record.provenance)
         if table is not None:
-            inner = writer.subgroup("table")
-            inner.text("table_json", table.to_json())
-            inner.text("beside_csv", table.beside_text)
+            _write_table(writer, table)
+    return referred
 
 
-def read_sweep(path: Path | str) -> SweepRecord:
-    """Reads a sweep written by ``write_sweep``.
+def _write_table(writer: GroupWriter, table: TableSpec) -> None:
+    inner = writer.subgroup("table")
+    inner.text("table_json", table.to_json())
+    inner.text("beside_csv", table.beside_text)
+
+
+def _write_references(writer: GroupWriter, kept: KeptInShards, folder: Path) -> None:
+    writer.scale("shard", np.arange(len(kept.files)))
+    names = [Path(os.path.relpath(path, folder)).as_posix() for path, _, _ in kept.files]
+    writer.text("shard_file", names, ("shard",))
+    writer.text("shard_sha256", [digest for _, digest, _ in kept.files], ("shard",))
+    about = EXTRAS["shard_kept"]
+    counts = np.array([count for _, _, count in kept.files])
+    writer.array(Name(about.name, about.unit, about.long_name, ("shard",)), counts)
+
+
+def _read_references(file: h5py.File, path: Path, origin: Provenance) -> KeptInShards:
+    group = file["shards"]
+    rows = zip(read_texts(group["shard_file"]), read_texts(group["shard_sha256"]), group["shard_kept"], strict=True)
+    return KeptInShards([(path.parent / name, digest, int(count)) for name, digest, count in rows], origin)
+
+
+def replace_table(path: Path, table: TableSpec | None) -> None:
+    """Lets a sweep's file say how it is to be shown, and leaves all else as it is.
+
+    Raises:
+        RecordError: the file cannot be read or written.
+    """
+    with open_file(path, "sweep"):
+        copy = io.BytesIO(path.read_bytes())
+    with h5py.File(copy, "r+") as file:
+        if "table" in file:
+            del file["table"]
+        if table is not None:
+            _write_table(GroupWriter(file), table)
+    with replacing(path) as stream:
+        stream.write(copy.getvalue())
+
+
+def read_identity(path: Path) -> str:
+    """The hash of the sweep's resolved specification.
 
     Raises:
         RecordError: the file is missing, damaged, or not a sweep of fzcli.
     """
-    with open_file(Path(path), "sweep") as file:
-        metrics = {name: file[name][...] for name in metric_names(file)}
+    with open_file(path, "sweep") as file:
+        return str(file.attrs["spec_hash"])
+
+
+def refers_to_shards(path: Path) -> bool:
+    """Whether kept runs lie in shards beside the file.
+
+    Raises:
+        RecordError: the file is missing, damaged, or not a sweep of fzcli.
+    """
+    with open_file(path, "sweep") as file:
+        return "shards" in file
+
+
+def verify_sweep(path: Path) -> int:
+    """Reads every dataset, whose chunks carry checksums, and every shard that the file refers to; gives the runs.
+
+    Raises:
+        RecordError: something is missing or damaged.
+    """
+    with open_file(path, "sweep") as file:
+        for dataset in walk(file):
+            dataset[...]
+        runs = len(file["status"])
+        wrong = [name for name in metric_names(file) if len(file[name]) != runs]
+        if wrong:
+            raise RecordError(f"{path}: {wrong[0]} has {len(file[wrong[0]])} rows, not {runs}")
+        references = _read_references(file, path, read_provenance(file)) if "shards" in file else None
+    for place, digest, _ in references.files if references else ():
+        if shard_hash(place) != digest:
+            raise RecordError(f"{place}: is not the shard that was written with this sweep")
+    return runs
+
+
+def read_sweep(path: Path | str) -> SweepRecord:
+    """Reads a sweep written by ``write_sweep``; columns and kept runs are read when they are asked for.
+
+    Raises:
+        RecordError: the file is missing, damaged, or not a sweep of fzcli.
+    """
+    path = Path(path)
+    with open_file(path, "sweep") as file:
+        metrics = metric_names(file)
+        draws = [name for name, dataset in file["draws"].items() if dataset.ndim == 2]
+        origin = read_provenance(file)
+        kept: Sequence[KeptRun] = ()
+        if "kept" in file:
+            kept = KeptInFile(len(file["kept/n_steps"]), partial(_kept, path, origin))
+        if "shards" in file:
+            kept = _read_references(file, path, origin)
         return SweepRecord(
             configs=read_configs(file),
-            metrics=metrics,
+            metrics=Columns({name: partial(_column, path, name) for name in metrics}),
             metric_info={
                 name: read_signal(name, file[name]) for name in metrics if file[name].attrs["described"]
             },
             certificate_names=tuple(name for name in metrics if file[name].attrs["certificate"]),
-            draws={name: dataset[...] for name, dataset in file["draws"].items() if dataset.ndim == 2},
+            draws=Columns({name: partial(_column, path, f"draws/{name}") for name in draws}),
             draw_info={
                 key: int(value) for key, value in json.loads(file["draws"].attrs["draw_info"]).items()
             },
-            kept=read_kept(file["kept"], read_provenance(file)) if "kept" in file else (),
-            provenance=read_provenance(file),
+            kept=kept,
+            provenance=origin,
         )
+
+
+def _kept(path: Path, origin: Provenance) -> tuple[KeptRun, ...]:
+    with open_file(path, "sweep") as file:
+        return read_kept(file["kept"], origin)
+
+
+def _column(path: Path, name: str) -> NDArray[Any]:
+    with open_file(path, "sweep") as file:
+        found: NDArray[Any] = file[name][...]
+        return found
 
 
 def read_table_spec(path: Path | str) -> TableSpec | None:

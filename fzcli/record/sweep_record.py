@@ -1,6 +1,6 @@
 """What a sweep becomes: one row of metrics a run, and the few runs kept whole."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +30,7 @@ class SweepRecord:
     float64, and the integer columns "config", "trajectory", "status" (0 ok, 1 flagged, 2 failed).
     The columns of the certificate (worst residuals) are metrics like the others; their names are
     in ``certificate_names``. ``draws``: dotted path -> (trajectories, k), what was drawn.
+    Mappings and ``kept`` may read what is asked for from a file.
     ``draw_info``: "candidates" and "accepted" counts of a filtered draw (empty without a filter).
     """
 
@@ -39,5 +40,5 @@ class SweepRecord:
     certificate_names: tuple[str, ...]
     draws: Mapping[str, NDArray[np.float64]]
     draw_info: Mapping[str, int]
-    kept: tuple[KeptRun, ...]
+    kept: Sequence[KeptRun]
     provenance: Provenance

@@ -1,6 +1,6 @@
 """Closed loops of a sweep: configurations that differ in run-time parameters alone share one build."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,6 +18,7 @@ from fzcli.spec.hashing import spec_hash
 from fzcli.sweep.resolve import Drawn, with_values
 
 Array = NDArray[np.float64]
+EngineMaker = Callable[[ClosedLoop], Engine]
 NOT_BUILT_IN = {"kind", "about", "duration", "bounds", "record", "compare"}
 
 
@@ -28,13 +29,14 @@ class Build:
     loop: ClosedLoop
     spec: SimulateRun
     model: RobotModel
+    make: EngineMaker = make_engine
     engines: dict[bool, Engine] = field(default_factory=dict)
 
     def engine(self, record: bool) -> Engine:
         """The engine that reduces metrics only, or the one that records every signal."""
         if record not in self.engines:
             loop = closed_loop(self.spec, record=True, model=self.model) if record else self.loop
-            self.engines[record] = make_engine(loop)
+            self.engines[record] = self.make(loop)
         return self.engines[record]
 
 
@@ -51,20 +53,38 @@ class Rows:
 class Builds:
     """All closed loops of a sweep so far, by what is built into them."""
 
-    def __init__(self) -> None:
+    def __init__(self, model: RobotModel | None = None, engine: EngineMaker = make_engine) -> None:
+        """``model``: of the one robot that all runs have, where it is built already; ``engine``: makes engines."""
+        self._model, self._engine = model, engine
         self._found: list[tuple[tuple[str, ...], str, Build]] = []
+        self._known: dict[int, tuple[SimulateRun, Build]] = {}
+        self._rows: dict[int, Array] = {}
 
-    def of(self, spec: SimulateRun) -> Build:
-        """The build that serves a run spec; a new one when none does."""
+    def of(self, spec: SimulateRun, known: bool = True) -> Build:
+        """The build that serves a run spec; a new one when none does. ``known``: it will be asked for again."""
+        if id(spec) in self._known:
+            return self._known[id(spec)][1]
+        build = self._sought(spec)
+        if known:
+            self._known[id(spec)] = spec, build  # with the spec, so that its id stays its own
+        return build
+
+    def row_of(self, spec: SimulateRun) -> Array:
+        """The parameters of a run spec that is asked for again and again."""
+        if id(spec) not in self._rows:
+            self._rows[id(spec)] = parameter_row(spec, self.of(spec).loop.parameters)
+        return self._rows[id(spec)]
+
+    def _sought(self, spec: SimulateRun) -> Build:
         dump = spec.model_dump(mode="json", exclude=NOT_BUILT_IN)
         for paths, key, build in self._found:
             if _key(dump, paths, spec.start.drifting) == key:
                 return build
-        model = next((b.model for _, _, b in self._found if b.spec.robot == spec.robot), None)
+        model = self._model or next((b.model for _, _, b in self._found if b.spec.robot == spec.robot), None)
         model = model or build_model(spec.robot)
         loop = closed_loop(spec, record=False, model=model)
         paths = tuple(parameter.path for parameter in loop.parameters)
-        build = Build(loop, spec, model)
+        build = Build(loop, spec, model, self._engine)
         self._found.append((paths, _key(dump, paths, spec.start.drifting), build))
         return build
 
@@ -112,7 +132,7 @@ def rows_of(
     build = builds.of(spec)
     places = _columns(build.loop)
     if all(one.path in places for one in draws):
-        table = np.tile(parameter_row(spec, build.loop.parameters), (len(drawn), 1))
+        table = np.tile(builds.row_of(spec), (len(drawn), 1))
         column = 0
         for one in draws:
             table[:, places[one.path]] = drawn[:, column : column + one.size]
@@ -121,7 +141,7 @@ def rows_of(
     found: dict[int, tuple[Build, list[int], list[Array], list[int]]] = {}
     for i, values in enumerate(drawn):
         single = with_values(spec, split(draws, values))
-        own = builds.of(single)
+        own = builds.of(single, known=False)
         row = parameter_row(single, own.loop.parameters)
         _, members, table_rows, steps = found.setdefault(id(own), (own, [], [], []))
         members.append(int(runs[i]))

@@ -12,7 +12,7 @@ def check_one_source(document: Document, own: OwnSection) -> None:
 
     A list may leave out a section (null) in which fields are drawn: they are not there then.
     """
-    drawn, axes = list(own.file.trajectories.draw), list(own.file.grid)
+    drawn, axes, zipped = list(own.file.trajectories.draw), list(own.file.grid), list(own.file.zip_)
     listed = [
         (("list", i, path), path)
         for i, entry in enumerate(own.file.list_)
@@ -21,17 +21,31 @@ def check_one_source(document: Document, own: OwnSection) -> None:
     ]
     tried = [(("trajectories", "keep_if", "with", path), path) for path in own.keep_if_changes or {}]
     places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in axes]
+    steps: list[tuple[tuple[str | int, ...], str]] = [(("zip", path), path) for path in zipped]
     problems = [
         document.problem(f"is drawn as well (trajectories.draw: {other}); a field has one source", at, at_key=True)
-        for at, path in [*places, *listed, *tried]
+        for at, path in [*places, *steps, *listed, *tried]
         for other in drawn
         if _overlap(path, other)
     ]
     problems += [
         document.problem(f"is an axis of the grid as well ({other}); a field has one source", at, at_key=True)
-        for at, path in listed
+        for at, path in [*listed, *steps]
         for other in axes
         if _overlap(path, other)
+    ]
+    problems += [
+        document.problem(f"is zipped as well ({other}); a field has one source", at, at_key=True)
+        for at, path in listed
+        for other in zipped
+        if _overlap(path, other)
+    ]
+    lengths = {path: len(values) for path, values in own.file.zip_.items()}
+    longest = max(lengths.values(), default=0)
+    problems += [
+        document.problem(f"has {length} values beside {longest}: zipped fields go together", ("zip", path), at_key=True)
+        for path, length in lengths.items()
+        if length != longest
     ]
     for path, values in own.file.grid.items():
         doubled = next((value for i, value in enumerate(values) if value in values[:i]), None)
@@ -66,6 +80,7 @@ def check_changed_keys(document: Document, own: OwnSection, kinds: set[str]) -> 
     """The same for the keys that grid, list and filter change: `fitted` would drop them without a word."""
     known = {name for kind in kinds for name in controllers()[kind].spec.model_fields}
     places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in own.file.grid]
+    places += [(("zip", path), path) for path in own.file.zip_]
     places += [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
     places += [(("trajectories", "keep_if", "with", path), path) for path in own.keep_if_changes or {}]
     problems = []

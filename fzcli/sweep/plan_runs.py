@@ -1,35 +1,33 @@
-"""Run a sweep of plans: a trajectory at a time, in processes; judge every plan by the whole arm at all times."""
+"""The shards of a sweep of plans; every plan is judged by the whole arm at all times."""
 
-import multiprocessing
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fzcli.errors import FzcliError, SpecError
+from fzcli.errors import SpecError
 from fzcli.loop.simulate import versions
 from fzcli.plan.plan import Plan
 from fzcli.plan.plan_spec import PlanRun
 from fzcli.plan.planning import NoPlanError, prepare, solve
 from fzcli.plan.result import CERTIFICATE, METRICS, as_plan
 from fzcli.record.plan_file import as_rollout
-from fzcli.record.sweep_record import KeptRun, SweepRecord
-from fzcli.record.table import check_names
-from fzcli.record.table_spec import TableSpec
+from fzcli.record.shard_file import Shard
+from fzcli.record.sweep_record import KeptRun
 from fzcli.spec.hashing import spec_hash
+from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.reader import dump
 from fzcli.spec.result import STATUS_NAMES, Provenance
-from fzcli.spec.units import unit_at
+from fzcli.sweep.kept_runs import Chosen, marked, records_of
+from fzcli.sweep.layout import Piece
 from fzcli.sweep.plan_sweep import PlanDrawing, PlanSweep
+from fzcli.sweep.simulations import CRASHED
 
 Array = NDArray[np.float64]
-Tell = Callable[[str, int, int], None]
+Progress = Callable[[int], None]
 METHODS = ("straight", "detour", "three_detours", "rrt_connect", "paper")
 TRUTHS = {
     "claimed": "the planner gave a path",
@@ -43,84 +41,91 @@ INFO = {
     "method": Signal("method", "1", "; ".join(f"{code}: {name}" for code, name in enumerate(METHODS))),
     **{name: Signal(name, *about) for name, about in {**METRICS, **CERTIFICATE}.items()},
 }
-RANK = "path_length"  # by which the kept runs are chosen among those with a path
-ROLES = ("best", "median", "worst")
 Row = dict[str, float]
+_CRASHED_ROW = {"status": float(STATUS_NAMES.index("failed"))}
 
 
-def run_plans(
-    sweep: PlanSweep, table: TableSpec | None, jobs: int, tell: Tell, argv: Sequence[str] = ()
-) -> SweepRecord:
-    """Plan all trajectories by all configurations; nothing but ``plan_time`` depends on ``jobs``.
+class Plans:
+    """What runs any shard of a sweep of plans; nothing but ``plan_time`` depends on where it runs."""
 
-    Raises FilterError where a trajectory gets no scene, SpecError for a table of what there is not.
-    """
-    if table is not None:
-        check_table(sweep, table)
-    plan, configs = sweep.file.trajectories, len(sweep.specs)
-    drawing = PlanDrawing(tuple(sweep.specs), sweep.draws, sweep.file.scenes, plan.seed)
-    indices = range(plan.first, plan.first + plan.count)
-    found = []
-    tell("planning", 0, plan.count * configs)
-    for rows, drawn in _each(drawing, indices, jobs):
-        found.append((rows, drawn))
-        tell("planning", len(found) * configs, plan.count * configs)
-    runs = [rows[c] for c in range(configs) for rows, _ in found]
-    metrics: dict[str, NDArray[Any]] = {name: np.array([row.get(name, np.nan) for row in runs]) for name in INFO}
-    metrics["config"] = np.repeat(np.arange(configs), plan.count)
-    metrics["trajectory"] = np.tile(np.array(indices), configs)
-    metrics["status"] = np.array([row["status"] for row in runs], dtype=np.int8)
-    origin = _origin(sweep, argv)
-    paths = {path: np.array([drawn[path] for _, drawn in found]) for path in found[0][1]}
-    return SweepRecord(
-        configs=sweep.changes,
-        metrics=metrics,
-        metric_info={**INFO, **_units(sweep, paths)},
-        certificate_names=tuple(CERTIFICATE),
-        draws=paths,
-        draw_info={},
-        kept=tuple(_kept(sweep, drawing, metrics, origin)),
-        provenance=origin,
-    )
+    def __init__(self, sweep: PlanSweep, identity: str) -> None:
+        self.sweep = sweep
+        self.identity = identity
+        self.jobs = 1
+        self._drawing = PlanDrawing(tuple(sweep.specs), sweep.draws, sweep.file.scenes, sweep.file.trajectories)
 
+    def check(self) -> None:
+        """Raises SpecError where a rank asks for a metric that plans have not."""
+        for record in records_of(self.sweep):
+            if record.rank_by not in INFO:
+                text = f"no metric {record.rank_by!r}{hint(record.rank_by, INFO)}"
+                raise SpecError(self.sweep.document.problem(text, ("record", "rank_by")))
 
-def check_table(sweep: PlanSweep, table: TableSpec) -> None:
-    """Raises SpecError, placed, where the table asks for what the sweep has not."""
-    try:
-        check_names(sweep.changes, INFO, table)
-    except FzcliError as error:
-        text = str(error).removeprefix("table: ")
-        raise SpecError(sweep.document.problem(text, ("table",))) from None
+    def metric_info(self) -> dict[str, Signal]:
+        """What the metrics of plans are."""
+        return dict(INFO)
 
+    def compile(self, jobs: int) -> None:
+        """Plans are not compiled."""
 
-def _each(drawing: PlanDrawing, indices: range, jobs: int) -> Iterator[tuple[list[Row], dict[str, Any]]]:
-    """The rows of every trajectory, in order."""
-    if min(jobs, len(indices)) == 1:
-        yield from (_planned(drawing, index) for index in indices)
-        return
-    fresh = multiprocessing.get_context("spawn")  # a fork would copy locks that other threads hold
-    with ProcessPoolExecutor(min(jobs, len(indices)), fresh, _begin, (drawing,)) as pool:
-        try:
-            yield from pool.map(_work, indices)
-        finally:
-            pool.shutdown(cancel_futures=True)
+    def shard(self, piece: Piece, skip: frozenset[int] = frozenset(), progress: Progress | None = None) -> Shard:
+        """Plan a shard; rows in ``skip`` are not planned but recorded as crashed.
 
+        Raises FilterError where a trajectory gets no scene.
+        """
+        count = len(piece.places)
+        rows: list[Row] = [_CRASHED_ROW] * piece.runs
+        drawn: list[dict[str, Any]] = []
+        for j, place in enumerate(piece.places):
+            trajectory = self._drawing.trajectory(place)
+            drawn.append(trajectory.drawn)
+            for i, config in enumerate(piece.configs):
+                if i * count + j not in skip:
+                    rows[i * count + j] = row_of(trajectory.specs[config])
+                if progress:
+                    progress(1)
+        columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in INFO}
+        info = dict(INFO)
+        if skip:
+            columns["crashed"], info["crashed"] = np.zeros(piece.runs), CRASHED
+            columns["crashed"][list(skip)] = 1.0
+        status = np.array([row["status"] for row in rows], dtype=np.int8)
+        records = records_of(self.sweep)
+        chosen = marked([records[c] for c in piece.configs], self.sweep.file.trajectories.first, piece, status, skip)
+        return Shard(
+            identity=self.identity,
+            index=piece.index,
+            columns=columns,
+            status=status,
+            info=info,
+            certificate_names=tuple(CERTIFICATE),
+            draws={path: np.array([one[path] for one in drawn]) for path in drawn[0]},
+            candidates=np.ones(count, dtype=np.int64),
+            versions=versions(),
+            crashed=tuple(sorted(skip)),
+            kept=self.recorded(list(chosen.values()), np.zeros(0)),
+        )
 
-_given: list[PlanDrawing] = []  # what this process works on
+    def probe(self, piece: Piece, rows: range) -> None:
+        """Plan only these rows of a shard, for nothing but to see whether they come back."""
+        count = len(piece.places)
+        for j, place in enumerate(piece.places):
+            for i, config in enumerate(piece.configs):
+                if i * count + j in rows:
+                    row_of(self._drawing.trajectory(place).specs[config])
 
+    def recorded(self, chosen: Sequence[Chosen], drawn: Array) -> tuple[KeptRun, ...]:
+        """Plans made again with their paths; one that was not found is not kept."""
+        return tuple(self._recorded(chosen))
 
-def _begin(drawing: PlanDrawing) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process hears it and ends the others
-    _given[:] = [drawing]
-
-
-def _work(index: int) -> tuple[list[Row], dict[str, Any]]:
-    return _planned(_given[0], index)
-
-
-def _planned(drawing: PlanDrawing, index: int) -> tuple[list[Row], dict[str, Any]]:
-    trajectory = drawing.trajectory(index)
-    return [row_of(spec) for spec in trajectory.specs], trajectory.drawn
+    def _recorded(self, chosen: Sequence[Chosen]) -> Iterator[KeptRun]:
+        plan = self.sweep.file.trajectories
+        for one in chosen:
+            spec = self._drawing.trajectory(one.place).specs[one.config]
+            resolved = spec.model_dump(mode="json")
+            found, _ = _plan(spec, Provenance(dump(resolved), spec_hash(resolved), "vm", plan.seed, versions()))
+            if found is not None:
+                yield KeptRun(one.config, plan.first + one.place, one.role, as_rollout(found))
 
 
 def row_of(spec: PlanRun) -> Row:
@@ -153,49 +158,3 @@ def _plan(spec: PlanRun, origin: Provenance | None = None) -> tuple[Plan | None,
         return None, 0.0
     seconds = time.perf_counter() - begin
     return as_plan(task, attempt, origin or Provenance("", "", "")), seconds
-
-
-def _kept(
-    sweep: PlanSweep, drawing: PlanDrawing, metrics: dict[str, NDArray[Any]], origin: Provenance
-) -> Iterator[KeptRun]:
-    """Best, median and worst plan of every configuration, made again with its path."""
-    for c in range(len(sweep.specs)):
-        mine = np.flatnonzero((metrics["config"] == c) & (metrics["claimed"] == 1))
-        order = mine[np.argsort(metrics[RANK][mine], kind="stable")]
-        chosen: dict[int, str] = {}
-        for role, place in zip(ROLES, (0, (len(order) - 1) // 2, len(order) - 1), strict=True):
-            if len(order):
-                chosen.setdefault(int(metrics["trajectory"][order[place]]), role)
-        for index, role in chosen.items():
-            spec = drawing.trajectory(index).specs[c]
-            resolved = spec.model_dump(mode="json")
-            own = replace(origin, spec_text=dump(resolved), spec_hash=spec_hash(resolved))
-            plan, _ = _plan(spec, own)
-            if plan is not None:
-                yield KeptRun(c, index, role, as_rollout(plan))
-
-
-def _origin(sweep: PlanSweep, argv: Sequence[str]) -> Provenance:
-    """What a sweep's identity is made of: its resolved runs and draws, not its text."""
-    plan, scenes = sweep.file.trajectories, sweep.file.scenes
-    resolved = {
-        "kind": "sweep",
-        "run": "plan",
-        "trajectories": plan.model_dump(mode="json", by_alias=True),
-        "scenes": None if scenes is None else scenes.model_dump(mode="json"),
-        "configurations": [
-            {"changes": changes, "run": spec.model_dump(mode="json")}
-            for changes, spec in zip(sweep.changes, sweep.specs, strict=True)
-        ],
-    }
-    return Provenance(dump(resolved), spec_hash(resolved), "vm", plan.seed, versions(), tuple(argv))
-
-
-def _units(sweep: PlanSweep, drawn: dict[str, Array]) -> dict[str, Signal]:
-    """Units of the fields that differ between runs, by dotted path."""
-    found = {}
-    for path in sorted({path for changes in sweep.changes for path in changes} | set(drawn)):
-        spec = next((spec for spec in sweep.specs if spec.has(path)), None)
-        if spec is not None:
-            found[path] = Signal(path, unit_at(spec, path), f"{path} of the run")
-    return found

@@ -15,11 +15,11 @@ from fzcli.spec.overlay import overlaid, without
 from fzcli.spec.sets import apply_sets
 from fzcli.sweep.builds import split
 from fzcli.sweep.checks import check_expected, check_one_source
-from fzcli.sweep.draws import candidate, generator
+from fzcli.sweep.draws import candidate, generator, sources
 from fzcli.sweep.own_section import OwnSection, own_section
 from fzcli.sweep.resolve import Drawn, configurations_of, draws_of, first_with, plain, sample_of, with_values
 from fzcli.sweep.scenes import SceneDraw, draw_scene
-from fzcli.sweep.sweep_spec import OWN_KEYS, SweepFile
+from fzcli.sweep.sweep_spec import OWN_KEYS, SweepFile, Trajectories
 from fzcli.sweep.trajectories import FilterError
 
 BY_SCENES = ("start.q", "goal")  # fields that random scenes give
@@ -49,26 +49,30 @@ class PlanTrajectory:
 
 @dataclass(frozen=True)
 class PlanDrawing:
-    """What the plans of any trajectory are drawn from; it goes to other processes."""
+    """What the plans of any trajectory are drawn from."""
 
     specs: tuple[PlanRun, ...]
     draws: tuple[Drawn, ...]
     scenes: SceneDraw | None
-    seed: int
+    plan: Trajectories
 
-    def trajectory(self, index: int) -> PlanTrajectory:
-        """The same for all configurations: a scene of the first one's robot, then the fields that are drawn.
+    def trajectory(self, place: int) -> PlanTrajectory:
+        """The one at a place counted from the first, the same for all configurations.
+
+        A scene of the first one's robot is drawn first, then the fields that are drawn.
 
         Raises FilterError where no scene fits.
         """
-        random, fields = generator(self.seed, index), {}
+        index, fields = self.plan.first + place, {}
+        ((random, apart),) = sources(self.plan, self.draws, range(place, place + 1))
         if self.scenes is not None:
-            found = draw_scene(self.specs[0], self.scenes, random)
+            scene_random = random if isinstance(random, np.random.Generator) else generator(self.plan.seed, index)
+            found = draw_scene(self.specs[0], self.scenes, scene_random)
             if found is None:
                 text = f"scenes: none of {self.scenes.most} candidates of trajectory {index} fits"
                 raise FilterError(f"{text}: start and goal clear, the straight path not")
             fields = found
-        values = split(self.draws, candidate(self.draws, random))
+        values = split(self.draws, candidate(self.draws, random, apart))
         specs = (with_values(spec.model_copy(update=fields), values) for spec in self.specs)
         drawn = {path: tuple(float(v) for v in value) for path, value in values.items()}
         return PlanTrajectory(tuple(specs), drawn | _numbers(fields))
@@ -123,6 +127,7 @@ def _misplaced(document: Document, own: OwnSection, configurations: list[dict[st
         text = "is for simulations; scenes are drawn until they fit"
         yield document.problem(text, ("trajectories", "keep_if"), at_key=True)
     places: list[tuple[tuple[str | int, ...], str]] = [(("grid", path), path) for path in own.file.grid]
+    places += [(("zip", path), path) for path in own.file.zip_]
     places += [(("list", i, path), path) for i, entry in enumerate(own.file.list_) for path in entry]
     places += [(("trajectories", "draw", path), path) for path in own.file.trajectories.draw]
     followed = [(("replay",), "replay")] if document.value.get("replay") is not None else []

@@ -65,7 +65,7 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     document = apply_sets(document, sets) if sets else document
     check_kind(document, "sweep")
     own = own_section(document)
-    base = overlaid(without(document, OWN_KEYS), {"kind": "simulate"})
+    base = overlaid(without(document, set(OWN_KEYS) - set(SimulateRun.model_fields)), {"kind": "simulate"})
     check_one_source(document, own)
     configurations = configurations_of(document, own)
     kinds = _kinds(base, [*configurations, own.keep_if_changes])
@@ -95,13 +95,22 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
 
 
 def configurations_of(document: Document, own: OwnSection) -> list[dict[str, Node]]:
-    """All combinations of the grid, each with every entry of the list."""
-    axes = []
-    for path in own.file.grid:
-        content = document.node(("grid", path)).content
-        axes.append([(path, node) for node in content] if isinstance(content, list) else [])
+    """All combinations of the grid, each with every step of the zipped fields and every entry of the list."""
+    axes = [[(path, node) for node in _values(document, "grid", path)] for path in own.file.grid]
+    zipped = [_values(document, "zip", path) for path in own.file.zip_]
+    steps = [dict(zip(own.file.zip_, step, strict=True)) for step in zip(*zipped, strict=True)] or [{}]
     listed = [entries(document.node(("list", i))) for i in range(len(own.file.list_))] or [{}]
-    return [{**dict(combination), **entry} for entry in listed for combination in itertools.product(*axes)]
+    return [
+        {**dict(combination), **step, **entry}
+        for entry in listed
+        for step in steps
+        for combination in itertools.product(*axes)
+    ]
+
+
+def _values(document: Document, section: str, path: str) -> list[Node]:
+    content = document.node((section, path)).content
+    return content if isinstance(content, list) else []
 
 
 def _kinds(base: Document, configurations: Sequence[Mapping[str, Node] | None]) -> set[str]:

@@ -8,6 +8,7 @@ from fzcli.plan.plan_spec import PlanRun
 from fzcli.spec.base import SpecModel
 from fzcli.spec.schema import schema_of
 from fzcli.sweep.sweep_spec import DISTRIBUTIONS, Draw, SweepFile
+from fzcli.sweep.tune_spec import TuneFile
 
 _Schema = dict[str, Any]
 _OPEN = ("controller", "reference", "base_reference")  # sections of a simulation that come in kinds
@@ -68,6 +69,25 @@ def _sweep_of(run: type[SpecModel], own: _Schema, word: str, definitions: _Schem
     if word != "plan":
         del properties["scenes"]
     return {"type": "object", "properties": properties, "required": ["kind"], "additionalProperties": False}
+
+
+def tune_schema() -> _Schema:
+    """The JSON Schema of a tuning: a sweep's fields without its table, and what is varied."""
+    sweep, own = sweep_schema(), schema_of(TuneFile, "")
+    simulations = sweep["$defs"]["SimulationSweep"]
+    ends = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+    scale = {"type": "object", "properties": {"scale": ends}, "required": ["scale"], "additionalProperties": False}
+    definitions = {**sweep["$defs"], **own["$defs"], "Vary": {"anyOf": [ends, scale]}}
+    fields = {name: value for name, value in simulations["properties"].items() if name not in ("kind", "table")}
+    del definitions["PlanSweep"], definitions["SimulationSweep"]
+    return {
+        "$schema": sweep["$schema"],
+        "title": "fzcli tuning",
+        "$defs": definitions,
+        **simulations,
+        "properties": {"kind": {"const": "tune", "type": "string"}, **fields, **own["properties"]},
+        "required": ["kind", "tune"],
+    }
 
 
 def _needed(fields: _Schema, definitions: _Schema) -> _Schema:

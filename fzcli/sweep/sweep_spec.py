@@ -6,12 +6,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from fzcli.loop.run_spec import RecordSpec
 from fzcli.spec.base import SpecModel
 from fzcli.spec.nearest import hint
 from fzcli.sweep.scenes import SceneDraw
 
 _CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
+MOST_LAID_OUT = 1_000_000
 DISTRIBUTIONS = {
     "uniform": 2,
     "log_uniform": 2,
@@ -92,8 +94,25 @@ class Trajectories(SpecModel):
     count: Annotated[int, Field(ge=1, le=100_000_000)]
     seed: Annotated[int, Field(ge=0)] = 0
     first: Annotated[int, Field(ge=0, description="index of the first trajectory")] = 0
+    sampling: Annotated[
+        Literal["random", "latin_hypercube", "sobol"],
+        Field(description="how uniform, log_uniform and choice fields are laid out; random: each by itself"),
+    ] = "random"
     draw: Annotated[dict[str, Draw], Field(default_factory=dict)]
     keep_if: KeepIf | None = None
+
+    @model_validator(mode="after")
+    def _laid_out(self) -> "Trajectories":
+        if self.sampling == "random":
+            return self
+        wrong = [path for path, one in self.draw.items() if one.distribution in ("normal", "sphere")]
+        if wrong:
+            raise ValueError(f"{wrong[0]}: {self.draw[wrong[0]].distribution} cannot be laid out by {self.sampling}")
+        if self.keep_if is not None:
+            raise ValueError(f"keep_if needs sampling: random; points of {self.sampling} are not drawn again")
+        if self.sampling == "latin_hypercube" and self.count > MOST_LAID_OUT:
+            raise ValueError(f"a Latin hypercube is laid out whole, of {MOST_LAID_OUT} points at most; use sobol")
+        return self
 
 
 class TableSection(SpecModel):
@@ -122,14 +141,20 @@ class SweepFile(SpecModel):
         dict[str, Annotated[list[Any], Field(min_length=1)]],
         Field(default_factory=dict, description="field -> values; all combinations"),
     ]
+    zip_: Annotated[
+        dict[str, Annotated[list[Any], Field(min_length=1)]],
+        Field(alias="zip", default_factory=dict, description="field -> values; all fields step together"),
+    ]
     list_: Annotated[
         list[dict[str, Any]],
         Field(alias="list", default_factory=list, description="explicit changes, one set a configuration"),
     ]
     table: TableSection | None = None
+    record: Annotated[RecordSpec | None, Field(description="of plans: which are kept with their paths")] = None
     expect_failures: Annotated[
         dict[str, Any] | bool, Field(description="configurations whose failed runs do not fail the sweep")
     ] = False
 
 
-OWN_KEYS = ("run", "scenes", "trajectories", "grid", "list", "table", "expect_failures")
+# of a sweep file; ``record`` is the run's own where the run has such a field
+OWN_KEYS = ("run", "scenes", "trajectories", "grid", "zip", "list", "table", "record", "expect_failures")

@@ -1,6 +1,6 @@
 """The drawn trajectories of a sweep, filtered where it asks for a filter."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +9,15 @@ from pydantic import ValidationError
 
 from fzcli.errors import FzcliError
 from fzcli.loop.engine import Batch
+from fzcli.loop.run_spec import SimulateRun
 from fzcli.spec.base import SpecModel
 from fzcli.sweep.builds import Builds, rows_of, split
-from fzcli.sweep.draws import candidate, generator
+from fzcli.sweep.draws import candidates, sources
 from fzcli.sweep.resolve import Sweep, with_values
 from fzcli.sweep.sweep_spec import Condition
 
 Array = NDArray[np.float64]
+TOGETHER = 16  # candidates that are tried together at least
 
 
 class FilterError(FzcliError):
@@ -24,71 +26,78 @@ class FilterError(FzcliError):
 
 @dataclass(frozen=True)
 class Drawing:
-    """``values`` (trajectories, k) as drawn; how many candidates were tried for them all."""
+    """``values`` (trajectories, k) as drawn, and ``candidates`` (trajectories): how many were tried for each."""
 
     values: Array
-    candidates: int
+    candidates: NDArray[np.int64]
 
 
-def draw_trajectories(
-    sweep: Sweep, builds: Builds, jobs: int, tell: Callable[[str, int, int], None]
-) -> Drawing:
-    """Draw every trajectory; with a filter, candidates in order until one passes.
+def draw_trajectories(sweep: Sweep, builds: Builds, places: range, jobs: int = 1) -> Drawing:
+    """Draw the trajectories of these places, counted from the first; with a filter, candidates until one passes.
 
     Raises FilterError when a trajectory passes none of the candidates it may try.
     """
-    plan = sweep.file.trajectories
-    indices = range(plan.first, plan.first + plan.count)
-    generators = [(generator(plan.seed, index), generator(plan.seed, index, 1)) for index in indices]
-    width = sum(one.size for one in sweep.draws)
-    values = np.zeros((plan.count, width))
+    plan, count = sweep.file.trajectories, len(places)
+    random = list(sources(plan, sweep.draws, places))
     if sweep.filter is None or plan.keep_if is None:
-        for i, streams in enumerate(generators):
-            values[i] = candidate(sweep.draws, *streams)
-            _check(sweep, values[i], indices[i])
-        return Drawing(values, plan.count)
+        values = candidates(sweep.draws, random)
+        _check(sweep, values, [plan.first + place for place in places])
+        return Drawing(values, np.ones(count, dtype=np.int64))
     conditions = [Condition.of(text) for text in plan.keep_if.that]
-    waiting = np.arange(plan.count)
-    tried = 0
-    for _ in range(plan.keep_if.most):
-        for place in waiting:
-            values[place] = candidate(sweep.draws, *generators[place])
-            _check(sweep, values[place], indices[int(place)])
-        tried += len(waiting)
-        passed = _pass(sweep, builds, values[waiting], conditions, jobs)
-        waiting = waiting[~passed]
-        tell("drawing", plan.count - len(waiting), plan.count)
-        if not len(waiting):
-            return Drawing(values, tried)
+    values, tried = np.zeros((count, sum(one.size for one in sweep.draws))), np.zeros(count, dtype=np.int64)
+    waiting = np.arange(count)
+    while len(waiting) and tried[waiting[0]] < plan.keep_if.most:
+        ahead = _ahead(sweep, len(waiting), plan.keep_if.most - int(tried[waiting[0]]))
+        every = candidates(sweep.draws, [random[place] for place in waiting for _ in range(ahead)])
+        block = every.reshape(len(waiting), ahead, -1)
+        _check(sweep, block[:, 0], [plan.first + places[int(place)] for place in waiting])
+        passed = _pass(sweep, builds, every, conditions, jobs).reshape(len(waiting), ahead)
+        found, first = passed.any(axis=1), passed.argmax(axis=1)
+        values[waiting] = block[np.arange(len(waiting)), np.where(found, first, ahead - 1)]
+        tried[waiting] += np.where(found, first + 1, ahead)
+        waiting = waiting[~found]
+    if not len(waiting):
+        return Drawing(values, tried)
     raise FilterError(
-        f"trajectories.keep_if: trajectory {plan.first + int(waiting[0])} passed none of {plan.keep_if.most} "
-        f"candidates ({plan.count - len(waiting)} of {plan.count} trajectories found); loosen the conditions"
+        f"trajectories.keep_if: trajectory {plan.first + places[int(waiting[0])]} passed none of {plan.keep_if.most} "
+        f"candidates ({count - len(waiting)} of {count} trajectories found); loosen the conditions"
     )
 
 
-def _check(sweep: Sweep, values: Array, index: int) -> None:
+def _ahead(sweep: Sweep, waiting: int, left: int) -> int:
+    """Candidates of each trajectory that are tried together, so that lanes are full; the first that passes is it.
+
+    Of normal numbers one at a time: a candidate beyond the first that passes must not be refused for its values.
+    """
+    if any(one.distribution == "normal" for one in sweep.draws):
+        return 1
+    return max(1, min(left, TOGETHER // waiting))
+
+
+def _check(sweep: Sweep, rows: Array, indices: Sequence[int]) -> None:
     """A normal distribution has no ends that could be checked beforehand, so that its numbers are.
 
     Raises FilterError for a number that the field could not have in a file.
     """
-    if not any(one.distribution == "normal" for one in sweep.draws):
-        return
-    parts = split(sweep.draws, values)
     for one in sweep.draws:
         spec = next((spec for spec in sweep.specs if spec.has(one.path)), None)
-        if one.distribution != "normal" or spec is None:
-            continue
-        changed = with_values(spec, {one.path: parts[one.path]})
-        section = getattr(changed, one.path.partition(".")[0])
-        part = section if isinstance(section, SpecModel) else changed
-        try:
-            type(part).model_validate({name: getattr(part, name) for name in type(part).model_fields})
-        except ValidationError as error:
-            text = error.errors()[0]["msg"]
-            numbers = ", ".join(f"{value:.6g}" for value in parts[one.path])
-            raise FilterError(
-                f"trajectories.draw.{one.path}: trajectory {index} drew {numbers}: {text}; draw it uniformly"
-            ) from None
+        if one.distribution == "normal" and spec is not None:
+            for values, index in zip(rows, indices, strict=True):
+                _check_field(spec, one.path, split(sweep.draws, values)[one.path], index)
+
+
+def _check_field(spec: SimulateRun, path: str, values: Array, index: int) -> None:
+    changed = with_values(spec, {path: values})
+    section = getattr(changed, path.partition(".")[0])
+    part = section if isinstance(section, SpecModel) else changed
+    try:
+        type(part).model_validate({name: getattr(part, name) for name in type(part).model_fields})
+    except ValidationError as error:
+        text = error.errors()[0]["msg"]
+        numbers = ", ".join(f"{value:.6g}" for value in values)
+        raise FilterError(
+            f"trajectories.draw.{path}: trajectory {index} drew {numbers}: {text}; draw it uniformly"
+        ) from None
 
 
 def _pass(

@@ -16,7 +16,13 @@ from fzcli.spec.reader import read
 SHIPPED = sorted(path for folder in ("robots", "rulebases", "runs") for path in (ROOT / folder).glob("*.yaml"))
 OPTIONS = {
     "simulate": {"--set", "--output", "--format", "--quiet"},
-    "sweep": {"--set", "--jobs", "--output", "--format", "--dry-run", "--quiet"},
+    "sweep": {
+        *("--set", "--jobs", "--processes", "--dask", "--scheduler-file", "--shard"),
+        *("--output", "--format", "--dry-run", "--quiet"),
+    },
+    "merge": {"--set", "--output", "--format", "--quiet"},
+    "status": {"--set", "--output"},
+    "check": {"--set", "--output"},
     "plan": {"--set", "--output", "--format", "--quiet"},
     "train": {"--set", "--output", "--format", "--quiet"},
     "table": {"--format"},

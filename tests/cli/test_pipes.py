@@ -70,19 +70,43 @@ def test_get_without_a_name_lists_names_that_get_knows(fzcli: Invoke, made: Path
             assert fzcli("get", made / file, name).stdout
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_signals_end_a_sweep_without_a_file(tmp_path: Path, number: signal.Signals, code: int) -> None:
-    (tmp_path / "sweep.yaml").write_text(SWEEP.replace("count: 4", "count: 100000"))
+def _sweeping(folder: Path) -> subprocess.Popen[bytes]:
+    """A long sweep, past the start of its first shards."""
+    (folder / "sweep.yaml").write_text(SWEEP.replace("count: 4", "count: 100000"))
     settings = {**os.environ, "PYTHONPATH": str(ROOT), "FZCLI_CC": "none"}
-    process = subprocess.Popen(
-        [sys.executable, "-m", "fzcli", "sweep", "sweep.yaml"], cwd=tmp_path, env=settings, stderr=subprocess.PIPE
-    )
-    time.sleep(4)
+    command = [sys.executable, "-m", "fzcli", "sweep", "sweep.yaml", "--threads"]
+    process = subprocess.Popen(command, cwd=folder, env=settings, stderr=subprocess.PIPE)
+    end = time.monotonic() + 60
+    while not list(folder.glob("sweep/*.shards/*.h5")):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_lets_the_shards_in_flight_finish(tmp_path: Path, number: signal.Signals) -> None:
+    process = _sweeping(tmp_path)
     process.send_signal(number)
     _, stderr = process.communicate(timeout=60)
-    assert process.returncode == code, stderr
+    assert process.returncode == 3, stderr
+    lines = stderr.decode().splitlines()
+    assert "fzcli: finishing the shards in flight; once more to stop at once" in lines
+    assert lines[-1].startswith("fzcli: stopped; ")
+    assert lines[-1].endswith("; go on with: fzcli sweep sweep.yaml --threads")
+    assert not list(tmp_path.glob("**/*.tmp"))
+    assert not (tmp_path / "sweep/sweep.h5").exists()
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_second_signal_ends_a_sweep_at_once(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    process = _sweeping(tmp_path)
+    process.send_signal(number)
+    time.sleep(0.1)
+    process.send_signal(number)
+    _, stderr = process.communicate(timeout=60)
+    assert process.returncode in (code, 3), stderr  # 3: the shards in flight were the quicker ones
     assert b"Traceback" not in stderr
-    assert not list(tmp_path.glob("**/*.h5")) + list(tmp_path.glob("**/*.tmp"))
+    assert not (tmp_path / "sweep/sweep.h5").exists()
 
 
 def test_help_loads_none_of_the_heavy_packages(tmp_path: Path) -> None:

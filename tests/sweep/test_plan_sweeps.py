@@ -34,7 +34,7 @@ def scenes200(**changes: Any) -> PlanSweep:
 
 def plans_of(sweep: PlanSweep, index: int) -> list[tuple[Task, Any, Plan]]:
     """Task, path and plan of every configuration of a scene."""
-    drawing = PlanDrawing(tuple(sweep.specs), sweep.draws, sweep.file.scenes, sweep.file.trajectories.seed)
+    drawing = PlanDrawing(tuple(sweep.specs), sweep.draws, sweep.file.scenes, sweep.file.trajectories)
     tasks = [prepare(spec) for spec in drawing.trajectory(index).specs]
     attempts = [solve(task) for task in tasks]
     origin = Provenance("", "", "")

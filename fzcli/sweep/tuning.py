@@ -1,0 +1,274 @@
+"""Numbers of a run tuned by differential evolution over a sweep's trajectories, judged by those it did not see.
+
+Storn, Price: Differential Evolution, J. Global Optimization 11 (1997), as SciPy has it. Its course hangs on the seed
+and the results alone, so that a journal of results is all that it takes to go on: what is in it is not run again.
+"""
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fzcli.errors import FzcliError, RecordError, SpecError, UnfinishedError
+from fzcli.loop.assemble import closed_loop
+from fzcli.loop.events import make_engine
+from fzcli.loop.file_lock import HeldError, locked
+from fzcli.loop.reductions import seen
+from fzcli.loop.simulate import versions
+from fzcli.model import RobotModel, build_model
+from fzcli.record.hdf5 import replacing
+from fzcli.spec.hashing import spec_hash
+from fzcli.spec.nearest import hint
+from fzcli.sweep.builds import Builds, rows_of
+from fzcli.sweep.meaning import SHORT, meaning_of
+from fzcli.sweep.sweep_spec import Condition
+from fzcli.sweep.trajectories import draw_trajectories
+from fzcli.sweep.tune_spec import Tuning
+from fzcli.sweep.vary import changed, rounded
+
+Array = NDArray[np.float64]
+Tell = Callable[[str, int, int], None]
+Stop = Callable[[], bool]
+COMPARE = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
+
+
+@dataclass(frozen=True)
+class Score:
+    """Of a candidate: the mean of the metric over runs that have it, runs that are lost, and all runs."""
+
+    mean: float
+    lost: int
+    runs: int
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """The best candidate, and how it and the file's own numbers do where it was sought and where it was not."""
+
+    identity: str
+    values: dict[str, float]
+    before: Score
+    after: Score
+    held_out_before: Score | None
+    held_out_after: Score | None
+    evaluations: int
+    seed: int
+    versions: dict[str, str]
+
+    def to_json(self) -> str:
+        """Text that ``from_json`` turns back."""
+        return json.dumps(asdict(self), indent=1) + "\n"
+
+    @staticmethod
+    def from_json(text: str) -> "Tuned":
+        """Raises ValueError, KeyError or TypeError for anything else."""
+        data = json.loads(text)
+        for name in ("before", "after", "held_out_before", "held_out_after"):
+            data[name] = None if data[name] is None else Score(**data[name])
+        return Tuned(**data)
+
+
+def identity_of(tuning: Tuning) -> str:
+    """The hash of all that the result depends on."""
+    return spec_hash([meaning_of(tuning.sweep).identity, tuning.section.model_dump(mode="json")])
+
+
+def tune_to(
+    tuning: Tuning, path: Path, jobs: int | None = None, tell: Tell | None = None, stop: Stop | None = None
+) -> Tuned:
+    """Tune, and write the result as JSON to ``path``; a finished one is read from there.
+
+    Raises UnfinishedError when it was stopped: the same call goes on from there. Raises SpecError, FilterError.
+    """
+    identity = identity_of(tuning)
+    try:
+        done = Tuned.from_json(path.read_text(encoding="utf-8"))
+        if done.identity == identity:
+            return done
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    journal = path.with_name(f"{path.stem}-{identity[:SHORT]}.jsonl")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with locked(journal, wait=False), tempfile.TemporaryDirectory(prefix="fzcli-") as scratch:
+            found = _Search(tuning, journal, Path(scratch), jobs or os.cpu_count() or 1, tell, stop).run(identity)
+            with replacing(path) as stream:
+                stream.write(found.to_json().encode())
+            journal.unlink()
+    except HeldError:
+        raise FzcliError(f"{journal}: another process tunes this") from None
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written: {error.strerror or error}") from error
+    return found
+
+
+class _Search:
+    """One run of the evolution."""
+
+    def __init__(
+        self, tuning: Tuning, journal: Path, scratch: Path, jobs: int, tell: Tell | None, stop: Stop | None
+    ) -> None:
+        self.tuning, self.section, self.sweep = tuning, tuning.section, tuning.sweep
+        self.journal, self.scratch, self.jobs = journal, scratch, jobs
+        self.tell = tell or (lambda what, done, total: None)
+        self.stop = stop or (lambda: False)
+        self.model: RobotModel = build_model(self.sweep.specs[0].robot)
+        self.known = _read(journal)
+        self._check()
+        count = self.sweep.file.trajectories.count
+        self.seen = range(max(1, count - int(count * self.section.held_out)))
+        self.tell("drawing", 0, 1)
+        self.drawn = draw_trajectories(self.sweep, Builds(), range(count), jobs).values
+
+    def run(self, identity: str) -> Tuned:
+        """The whole evolution."""
+        from scipy.optimize import differential_evolution
+
+        own = self._score((), self.seen)
+        generations, ways = self.section.generations, list(self.section.vary.values())
+        self.allowed, self.unit = own.lost, own.mean
+        bounds = [(math.log(v.low), math.log(v.high)) if v.logarithmic else (v.low, v.high) for v in ways]
+        found = differential_evolution(
+            lambda x: self._costs(np.atleast_2d(x.T)),
+            bounds,
+            maxiter=generations,
+            init=self._first(bounds),
+            rng=self.section.seed,
+            tol=0.0,
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+        )
+        values = self._values(found.x)
+        rest = range(len(self.seen), len(self.drawn))
+        return Tuned(
+            identity=identity,
+            values=dict(zip(self.section.vary, values, strict=True)),
+            before=own,
+            after=self._score(values, self.seen),
+            held_out_before=self._score((), rest) if rest else None,
+            held_out_after=self._score(values, rest) if rest else None,
+            evaluations=len(self.known),
+            seed=self.section.seed,
+            versions=dict(versions()),
+        )
+
+    def _first(self, bounds: Sequence[tuple[float, float]]) -> Array:
+        """The first generation: a Sobol sequence over the bounds."""
+        from scipy.stats import qmc
+
+        points = qmc.Sobol(len(bounds), rng=self.section.seed)
+        unit = np.concatenate([points.random(1) for _ in range(self.section.candidates)])
+        low, high = np.array(bounds).T
+        return np.asarray(low + (high - low) * unit)
+
+    def _values(self, x: Array) -> tuple[float, ...]:
+        """The numbers that a point of the search means."""
+        ways = self.section.vary.values()
+        return tuple(rounded(math.exp(v) if way.logarithmic else v) for v, way in zip(x, ways, strict=True))
+
+    def _costs(self, points: Array) -> Array:
+        """One cost a candidate, several candidates at a time. Raises UnfinishedError when it is to stop."""
+        every = [self._values(point) for point in points]
+        new = [values for values in dict.fromkeys(every) if values not in self.known]
+        total = self.section.candidates * (self.section.generations + 1)
+        with ThreadPoolExecutor(self.jobs) as pool:
+            scores = pool.map(partial(self._unless_stopped, part=self.seen), new)
+            for values, score in zip(new, scores, strict=True):
+                if score is None:
+                    done = f"{len(self.known)} candidates are tried, of about {total}"
+                    raise UnfinishedError(f"stopped; {done}, in {self.journal}")
+                self.known[values] = score
+                _append(self.journal, values, score)
+                self.tell("tuning", len(self.known), total)
+        return np.array([self._cost(self.known[values]) for values in every])
+
+    def _unless_stopped(self, values: tuple[float, ...], part: range) -> Score | None:
+        return None if self.stop() else self._score(values, part)
+
+    def _cost(self, score: Score) -> float:
+        """The mean, with each lost run beyond those of the file's own numbers as bad as its whole mean."""
+        if not math.isfinite(score.mean):
+            return 1e6 * self.unit
+        return score.mean + self.unit * max(0, score.lost - self.allowed)
+
+    def _score(self, values: tuple[float, ...], part: range) -> Score:
+        """Run all configurations on some trajectories, with these values, or the file's own where there are none."""
+        means, lost, runs = [], 0, 0
+        for spec in self.sweep.specs:
+            run = changed(spec, self.section.vary, values) if values else spec
+            try:
+                columns = None if run is None else self._metrics(run, part)
+            except SpecError:  # shapes that cross each other, for example
+                columns = None
+            runs += len(part)
+            if columns is None:
+                return Score(math.inf, runs, runs)
+            metric, gone = columns
+            means.append(metric[np.isfinite(metric)])
+            lost += int(gone.sum())
+        every = np.concatenate(means)
+        return Score(float(every.mean()) if len(every) else math.inf, lost, runs)
+
+    def _metrics(self, run: Any, part: range) -> tuple[Array, NDArray[np.bool_]]:
+        builds = Builds(self.model, partial(make_engine, folder=self.scratch))
+        metric, gone = np.full(len(part), np.nan), np.zeros(len(part), dtype=bool)
+        condition = None if self.section.lost is None else Condition.of(self.section.lost)
+        drawn = self.drawn[part.start : part.stop]
+        for rows in rows_of(builds, run, self.sweep.draws, drawn, np.arange(len(part))):
+            names = [one.name for one in rows.build.loop.metrics]
+            batch = rows.build.engine(record=False).run(rows.parameters, rows.steps)
+            metric[rows.runs] = seen(batch.metrics[:, names.index(self.section.minimise)])
+            bad = batch.stops != 0
+            if condition is not None:
+                values = seen(batch.metrics[:, names.index(condition.metric)])
+                bad = COMPARE[condition.sign](values, condition.limit) | ~np.isfinite(values)
+            gone[rows.runs] = bad
+        return metric, gone
+
+    def _check(self) -> None:
+        """Raises SpecError where a metric is asked for that the run has not."""
+        loop = closed_loop(self.sweep.specs[0], record=False, model=self.model)
+        names = [metric.name for metric in loop.metrics]
+        wanted = {"minimise": self.section.minimise}
+        if self.section.lost is not None:
+            wanted["lost"] = Condition.of(self.section.lost).metric
+        problems = [
+            self.tuning.document.problem(f"no metric {name!r}{hint(name, names)}", ("tune", field))
+            for field, name in wanted.items()
+            if name not in names
+        ]
+        if problems:
+            raise SpecError(problems)
+
+
+def _read(journal: Path) -> dict[tuple[float, ...], Score]:
+    """What was found before; a line that was cut short does not count."""
+    known: dict[tuple[float, ...], Score] = {}
+    try:
+        lines = journal.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return known
+    for line in lines:
+        try:
+            values, mean, lost, runs = json.loads(line)
+            known[tuple(values)] = Score(mean, lost, runs)
+        except (ValueError, TypeError):
+            continue
+    return known
+
+
+def _append(journal: Path, values: tuple[float, ...], score: Score) -> None:
+    with journal.open("a", encoding="utf-8") as file:
+        file.write("\n" + json.dumps([list(values), score.mean, score.lost, score.runs]))
+        file.flush()
+        os.fsync(file.fileno())

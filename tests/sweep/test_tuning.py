@@ -1,0 +1,113 @@
+"""Tuning: the same numbers by seed, jobs and after a stop; better where it looked; refused in words."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fzcli.errors import SpecError, UnfinishedError
+from fzcli.spec.document import document_of
+from fzcli.spec.load import load_rulebase
+from fzcli.spec.reader import read
+from fzcli.sweep.tune_spec import Tuning, resolve_tuning
+from fzcli.sweep.tuned_rulebase import write_rulebase
+from fzcli.sweep.tuning import Tuned, tune_to
+from fzcli.sweep.vary import changed
+from tests.loop.cases import raw_run
+
+ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.usefixtures("machine")
+DRAW = {"reference.direction": {"sphere": 3}}
+SECTION = {"vary": {"controller.gain": [1, 1000]}, "minimise": "yaw_abs_mean", "candidates": 5, "generations": 3}
+
+
+def tuning(section: dict[str, Any] | None = None, **changes: Any) -> Tuning:
+    data = {**raw_run(), "kind": "tune", "duration": 0.3, "trajectories": {"count": 6, "seed": 1, "draw": DRAW}}
+    del data["reference"]["direction"]
+    return resolve_tuning(document_of({**data, "tune": {**SECTION, **(section or {})}, **changes}))
+
+
+def test_the_result_hangs_on_the_seed_alone(tmp_path: Path) -> None:
+    first = tune_to(tuning(), tmp_path / "a.json", jobs=1)
+    again = tune_to(tuning(), tmp_path / "b.json", jobs=2)
+    other = tune_to(tuning({"seed": 2}), tmp_path / "c.json")
+    assert first == again
+    assert other.identity != first.identity
+    assert first.after.mean < first.before.mean
+    assert first.after.lost <= first.before.lost
+    assert (first.before.runs, first.held_out_after and first.held_out_after.runs) == (3, 3)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.json", "b.json", "c.json"]
+
+
+def test_a_stopped_tuning_goes_on_and_a_finished_one_is_read(tmp_path: Path) -> None:
+    calm, path = tune_to(tuning(), tmp_path / "calm.json"), tmp_path / "t.json"
+    tried: list[int] = []
+
+    def tell(what: str, done: int, total: int) -> None:
+        tried.append(done)
+
+    for most in (4, 9):
+        with pytest.raises(UnfinishedError, match=r"^stopped; \d+ candidates are tried, of about 20, in "):
+            tune_to(tuning(), path, 1, tell, lambda most=most: len(tried) > most)  # type: ignore[misc]
+    (journal,) = tmp_path.glob("*.jsonl")
+    with journal.open("a") as file:
+        file.write('\n[[1.0], 0.1, 0')  # as a kill leaves it
+    assert tune_to(tuning(), path, 1) == calm
+    assert not journal.exists()
+    assert tune_to(tuning(), path, 1) == calm
+    assert Tuned.from_json(path.read_text()) == calm
+
+
+def test_numbers_of_a_rule_base_become_a_rule_base(tmp_path: Path) -> None:
+    controller = {"kind": "fuzzy_clik", "gain": 10, "rulebase": "bulgarelli2011"}
+    vary = {"controller.rulebase.outputs.increment.terms.NL": {"scale": [0.1, 1]}}
+    made = tuning({"vary": vary, "generations": 0, "lost": "tip_error_max > 1e-2"}, controller=controller)
+    found = tune_to(made, tmp_path / "t.json")
+    place = write_rulebase(made, found, tmp_path / "t.json", ("fzcli", "tune", "t.yaml"))
+    assert place == tmp_path / "t-rulebase.yaml"
+    again = load_rulebase(place)
+    (factor,) = found.values.values()
+    own = load_rulebase("bulgarelli2011")
+    for name, term in own.outputs["increment"].terms.items():
+        expected = tuple(float(f"{x * factor:.4g}") for x in term.numbers) if name == "NL" else term.numbers
+        assert again.outputs["increment"].terms[name].numbers == expected
+    assert [rule.text for rule in again.rules] == [rule.text for rule in own.rules]
+    assert again.inputs == own.inputs
+    head = place.read_text().split("kind:")[0]
+    assert "# Tuned from bulgarelli2011 by: fzcli tune t.yaml" in head
+    assert found.identity in head
+
+
+def test_candidates_that_make_no_sense_are_not_chosen() -> None:
+    spec = tuning().sweep.specs[0]
+    vary = tuning({"vary": {"controller.kp": [-1, 1]}}).section.vary
+    assert changed(spec, vary, [-0.5]) is None
+    assert changed(spec, vary, [0.5]).controller.kp == 0.5  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("section", "changes", "text"),
+    [
+        ({"vary": {"controller.gian": [1, 2]}}, {}, "tune.vary.controller.gian: is not a number of the run"),
+        ({"vary": {"controller.gain": [2, 1]}}, {}, "the lower end 2 must lie below the upper 1"),
+        ({"vary": {"controller.gain": 3}}, {}, "must be two numbers, [LOW, HIGH], or {scale: [LOW, HIGH]}"),
+        ({"vary": {"controller": {"scale": [0, 1]}}}, {}, "factors are above 0"),
+        ({"vary": {"start.q": [0, 1]}}, {}, "holds several numbers: scale them, or name one"),
+        ({"vary": {"controller.gain": [1, 2]}}, {"grid": {"controller.gain": [1]}}, "is drawn or swept as well"),
+        ({"lost": "tip_error_max"}, {}, "must be METRIC < NUMBER"),
+    ],
+)
+def test_bad_tunings_are_refused(section: dict[str, Any], changes: dict[str, Any], text: str) -> None:
+    with pytest.raises(SpecError) as caught:
+        tuning(section, **changes)
+    assert text in str(caught.value)
+
+
+def test_a_metric_that_there_is_not(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match=r"tune\.minimise: no metric 'yaw_abs_men'; did you mean 'yaw_abs_mean'"):
+        tune_to(tuning({"minimise": "yaw_abs_men"}), tmp_path / "t.json")
+
+
+def test_the_shipped_tuning_is_valid() -> None:
+    made = resolve_tuning(read(ROOT / "runs/tune_gain.yaml"))
+    assert len(made.sweep.specs) == 2
