@@ -9,7 +9,8 @@ from fzcli.control.clik import Gain, check_gain_count, gain_signals
 from fzcli.control.equation1 import Equation1Spec, detector, finish, situation
 from fzcli.control.law import Law
 from fzcli.errors import Problem, SpecError
-from fzcli.fuzzy.surface import build_surface
+from fzcli.fuzzy.surface import build_surface, singletons
+from fzcli.fuzzy.terms import term_problem
 from fzcli.model import RobotModel
 from fzcli.spec.quantity import Parameter, Signal
 from fzcli.spec.references import RulebaseReference
@@ -39,6 +40,11 @@ class FuzzyClikSpec(Equation1Spec):
                 f"the rule base must map inputs {', '.join(INPUTS)} to output {OUTPUT}; "
                 f"it maps {', '.join(rulebase.inputs)} to {', '.join(rulebase.outputs)}"
             )
+        output = rulebase.outputs[OUTPUT]
+        for name, term in output.terms.items():  # run-time numbers, which no build checks again
+            wrong = term_problem(term, output.range) if term.shape == "singleton" else ""
+            if wrong:
+                raise ValueError(f"outputs.{OUTPUT}.terms.{name}: {wrong}")
         return rulebase
 
     @model_validator(mode="after")
@@ -51,9 +57,13 @@ def build(model: RobotModel, spec: FuzzyClikSpec) -> Law:
     """The tuner on top of equation 1: the gain in force is the one made in the step before.
 
     The rule base's input ``error`` is the axis's |ec| / error_scale, ``oscillating`` the number of
-    oscillating joints; its output is the increment of that axis's gain.
+    oscillating joints; its output is the increment of that axis's gain. Where that is an average of singletons, their
+    positions are run-time parameters, so that one build serves all that differ in them.
     """
-    surface = build_surface(spec.rulebase)
+    surface = build_surface(spec.rulebase, free=True)
+    terms = singletons(spec.rulebase, OUTPUT)
+    positions = [ca.SX.sym(name) for name in terms]
+    free = [ca.vertcat(*positions)] if terms else []
     if spec.rulebase.outputs[OUTPUT].default == "hold":
         raise SpecError(Problem("an increment cannot be held; give a number", field=f"outputs.{OUTPUT}.default"))
     at = situation(model, spec)
@@ -66,7 +76,7 @@ def build(model: RobotModel, spec: FuzzyClikSpec) -> Law:
     tuned: list[ca.SX] = []
     for i, axis in enumerate(spec.axes):
         error = ca.fabs(at.constraint.error[i]) * (1.0 / spec.error_scale)
-        increment, strengths = surface(error, watch.result.count)
+        increment, strengths = surface(error, watch.result.count, *free)
         next_gain = ca.fmax(0.0, gain[i] + increment)
         tuned.append(next_gain if spec.gain_limit is None else ca.fmin(spec.gain_limit, next_gain))
         suffix = "" if axes == 1 else f"_{axis}"
@@ -75,5 +85,7 @@ def build(model: RobotModel, spec: FuzzyClikSpec) -> Law:
             strengths
         )
     parameters = {Parameter("controller.kp"): kp, Parameter("controller.gain", axes): first}
+    for name, position in zip(terms, positions, strict=True):
+        parameters[Parameter(f"controller.rulebase.outputs.{OUTPUT}.terms.{name}.numbers")] = position
     memory = (gain, ca.vertcat(*tuned), first)
     return finish(at, qd, watch, parameters, signals, metrics, memory)

@@ -41,11 +41,11 @@ def midpoint_sums(
     return ca.dot(column, ca.DM(positions)), ca.sum1(column)
 
 
-def singleton_sums(terms: Sequence[Term], firings: Sequence[ca.SX], origin: float = 0.0) -> Sums:
+def singleton_sums(positions: Sequence[float | ca.SX], firings: Sequence[ca.SX], origin: float = 0.0) -> Sums:
     """Sums of firing times position (from ``origin``) and of firings: the weighted average's two halves."""
     moment, weight = ca.SX(0.0), ca.SX(0.0)
-    for term, firing in zip(terms, firings, strict=True):
-        moment, weight = moment + (term.numbers[0] - origin) * firing, weight + firing
+    for position, firing in zip(positions, firings, strict=True):
+        moment, weight = moment + (position - origin) * firing, weight + firing
     return moment, weight
 
 

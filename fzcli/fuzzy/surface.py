@@ -15,11 +15,12 @@ from fzcli.spec.rulebase import Output, Rulebase
 _EMPTY = 1e-250
 
 
-def build_surface(rulebase: Rulebase) -> ca.Function:
+def build_surface(rulebase: Rulebase, free: bool = False) -> ca.Function:
     """Compile a rule base into a branch-free function of SX operations only.
 
     Inputs (scalars): the rule base's inputs in order, clipped to their ranges; then
-    ``NAME_previous`` for every output whose default is "hold". Outputs: the rule base's outputs in
+    ``NAME_previous`` for every output whose default is "hold"; then, where ``free``, ``NAME_positions`` for
+    every output of singletons, in the order of ``singletons``. Outputs: the rule base's outputs in
     order (scalars), then ``firing_strength`` (n_rules), each rule's degree times its weight.
     Finite inputs give finite outputs: where no rule fires, an output takes its default.
 
@@ -40,18 +41,27 @@ def build_surface(rulebase: Rulebase) -> ca.Function:
         for name, output in rulebase.outputs.items()
     }
     strengths = _Inference(rulebase, inputs).strengths(rules)
+    counts = {name: len(singletons(rulebase, name)) if free else 0 for name in rulebase.outputs}
+    places = {name: ca.SX.sym(f"{name}_positions", count) for name, count in counts.items() if count}
     crisp = [
-        _defuzzified(name, output, rules, strengths, defaults[name])
+        _defuzzified(name, output, rules, strengths, defaults[name], places.get(name))
         for name, output in rulebase.outputs.items()
     ]
     results = ca.cse([*crisp, ca.vertcat(*strengths)])
     return ca.Function(
         "surface",
-        [*inputs.values(), *held.values()],
+        [*inputs.values(), *held.values(), *places.values()],
         results,
-        [*inputs, *(f"{name}_previous" for name in held)],
+        [*inputs, *(f"{name}_previous" for name in held), *(f"{name}_positions" for name in places)],
         [*rulebase.outputs, "firing_strength"],
     )
+
+
+def singletons(rulebase: Rulebase, name: str) -> tuple[str, ...]:
+    """The terms of an output whose weighted average it is; empty where it is the centroid of sets with an area."""
+    output = rulebase.outputs[name]
+    used = used_terms(name, output, check_rulebase(rulebase))
+    return used if method(output, used) == "singletons" else ()
 
 
 class _Inference:
@@ -91,9 +101,17 @@ class _Inference:
 
 
 def _defuzzified(
-    name: str, output: Output, rules: tuple[Rule, ...], strengths: list[ca.SX], default: ca.SX
+    name: str,
+    output: Output,
+    rules: tuple[Rule, ...],
+    strengths: list[ca.SX],
+    default: ca.SX,
+    positions: ca.SX | None,
 ) -> ca.SX:
-    """The crisp value of one output: first moment over area, or the default where the area vanishes."""
+    """The crisp value of one output: first moment over area, or the default where the area vanishes.
+
+    ``positions``: symbols of its singletons' positions, in place of the numbers.
+    """
     used = used_terms(name, output, rules)
     if not used:
         return default
@@ -104,7 +122,10 @@ def _defuzzified(
                 term = conclusion.term
                 firings[term] = ca.fmax(firings[term], strength) if term in firings else strength
     origin = min(max(0.0, output.range[0]), output.range[1])  # the point of the range nearest to zero
-    moment, area = _sums(output, used, firings, origin)
+    if positions is None:
+        moment, area = _sums(output, used, firings, origin)
+    else:
+        moment, area = singleton_sums(ca.vertsplit(positions), [firings[term] for term in used], origin)
     value = origin + moment / ca.fmax(area, _EMPTY)  # no 0/0, and `origin` where nothing fires
     return value if output.default == origin else ca.if_else(area > _EMPTY, value, default)
 
@@ -114,7 +135,7 @@ def _sums(output: Output, used: tuple[str, ...], firings: dict[str, ca.SX], orig
     levels = [firings[name] for name in used]
     kind = method(output, used)
     if kind == "singletons":
-        return singleton_sums(terms, levels, origin)
+        return singleton_sums([term.numbers[0] for term in terms], levels, origin)
     sets = ordered_sets(output, used)
     if kind == "exact" and sets is not None:
         ordered = [firings[term] for term, _ in sets]

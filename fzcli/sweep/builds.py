@@ -53,10 +53,15 @@ class Rows:
 class Builds:
     """All closed loops of a sweep so far, by what is built into them."""
 
-    def __init__(self, model: RobotModel | None = None, engine: EngineMaker = make_engine) -> None:
-        """``model``: of the one robot that all runs have, where it is built already; ``engine``: makes engines."""
+    def __init__(
+        self, model: RobotModel | None = None, engine: EngineMaker = make_engine, like: "Builds | None" = None
+    ) -> None:
+        """``model``: of the one robot that all runs have, where it is built already; ``engine``: makes engines.
+
+        ``like``: whose builds these start with.
+        """
         self._model, self._engine = model, engine
-        self._found: list[tuple[tuple[str, ...], str, Build]] = []
+        self._found: list[tuple[tuple[str, ...], str, Build]] = list(like._found) if like else []
         self._known: dict[int, tuple[SimulateRun, Build]] = {}
         self._rows: dict[int, Array] = {}
 

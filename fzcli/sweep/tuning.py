@@ -122,6 +122,7 @@ class _Search:
         self.tell = tell or (lambda what, done, total: None)
         self.stop = stop or (lambda: False)
         self.model: RobotModel = build_model(self.sweep.specs[0].robot)
+        self.builds = Builds(self.model, partial(make_engine, folder=scratch))  # of the file's own numbers
         self.known = _read(journal)
         self._check()
         count = self.sweep.file.trajectories.count
@@ -133,6 +134,8 @@ class _Search:
         """The whole evolution."""
         from scipy.optimize import differential_evolution
 
+        for spec in self.sweep.specs:
+            self.builds.of(spec).engine(record=False)
         own = self._score((), self.seen)
         generations, ways = self.section.generations, list(self.section.vary.values())
         self.allowed, self.unit = own.lost, own.mean
@@ -220,7 +223,7 @@ class _Search:
         return Score(float(every.mean()) if len(every) else math.inf, lost, runs)
 
     def _metrics(self, run: Any, part: range) -> tuple[Array, NDArray[np.bool_]]:
-        builds = Builds(self.model, partial(make_engine, folder=self.scratch))
+        builds = Builds(self.model, partial(make_engine, folder=self.scratch), self.builds)
         metric, gone = np.full(len(part), np.nan), np.zeros(len(part), dtype=bool)
         condition = None if self.section.lost is None else Condition.of(self.section.lost)
         drawn = self.drawn[part.start : part.stop]

@@ -9,7 +9,7 @@ from fuzzy_cases import bulgarelli2011, small, term, texts
 
 from fzcli.fuzzy.audit import audit
 from fzcli.fuzzy.check import method
-from fzcli.fuzzy.surface import build_surface
+from fzcli.fuzzy.surface import build_surface, singletons
 from fzcli.spec.load import load_rulebase
 from fzcli.spec.rulebase import Centroid, Input, Output
 
@@ -168,3 +168,17 @@ def test_hold_in_audit():
     band = Input(range=(0, 1), terms={"HIGH": term("ramp", 0.5, 1)})
     findings = audit(rulebase.model_copy(update={"inputs": {"x": band}}))
     assert findings == ["y: no rule fires on 50 % of the inputs' ranges, e.g. at x = 0.25"]
+
+
+def test_singletons_may_be_moved_at_run_time():
+    terms = {"LOW": term("singleton", -3.7), "MIDDLE": term("singleton", 0), "IDLE": term("singleton", 5)}
+    terms["HIGH"] = term("singleton", 8.1)
+    rules = ["if x is LOW then y is LOW", "if x is HIGH then y is HIGH with 0.3", "if x is not LOW then y is MIDDLE"]
+    rulebase = small(Output(range=(-10, 10), terms=terms), rules)
+    fixed, free = build_surface(rulebase), build_surface(rulebase, free=True)
+    assert free.name_in() == ["x", "y_positions"]
+    assert singletons(rulebase, "y") == ("LOW", "MIDDLE", "HIGH")
+    for x in np.linspace(-0.2, 1.2, 41):
+        assert values(free, x, [-3.7, 0, 8.1])[0] == pytest.approx(values(fixed, x)[0], rel=1e-14, abs=1e-15)
+    assert singletons(bulgarelli2011(), "increment") == ()
+    assert build_surface(bulgarelli2011(), free=True).name_in() == ["error", "oscillating"]

@@ -1,11 +1,13 @@
 """Tuning: the same numbers by seed, jobs and after a stop; better where it looked; refused in words."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from fzcli.errors import SpecError, UnfinishedError
+from fzcli.loop.events import make_engine
 from fzcli.spec.document import document_of
 from fzcli.spec.load import load_rulebase
 from fzcli.spec.reader import read
@@ -76,6 +78,50 @@ def test_numbers_of_a_rule_base_become_a_rule_base(tmp_path: Path) -> None:
     head = place.read_text().split("kind:")[0]
     assert "# Tuned from bulgarelli2011 by: fzcli tune t.yaml" in head
     assert found.identity in head
+
+
+SINGLETONS = """
+kind: rulebase
+inputs:
+  error: {range: [0, 1], terms: {SMALL: [ramp, 0.4, 0], LARGE: [ramp, 0, 0.4]}}
+  oscillating: {range: [0, 10], terms: {OFF: [ramp, 1, 0], ON: [ramp, 0, 1]}}
+outputs:
+  increment: {range: [-2000, 100], terms: {DOWN: [singleton, -900], UP: [singleton, 1.3], FAST: [singleton, 8]}}
+rules:
+  - if error is SMALL and oscillating is OFF then increment is UP
+  - if error is LARGE and oscillating is OFF then increment is FAST
+  - if oscillating is ON then increment is DOWN
+"""
+
+
+def test_singletons_are_moved_without_another_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "plain.yaml").write_text(SINGLETONS)
+    controller = {"kind": "fuzzy_clik", "gain": 700, "rulebase": str(tmp_path / "plain.yaml")}
+    terms = "controller.rulebase.outputs.increment.terms"
+    vary = {f"{terms}.FAST.numbers.0": [1, 99], f"{terms}.DOWN": {"scale": [0.01, 3]}}
+    made = tuning({"vary": vary, "generations": 0, "candidates": 8}, controller=controller, duration=1.0)
+    loops: list[Any] = []
+
+    def engine(loop: Any, folder: Path) -> Any:
+        loops.append(loop)
+        return make_engine(loop, folder=folder)
+
+    monkeypatch.setattr(sys.modules[tune_to.__module__], "make_engine", engine)
+    found = tune_to(made, tmp_path / "t.json")
+    assert len(loops) == 1
+    assert found.after.mean < found.before.mean
+    again = write_rulebase(made, found, tmp_path / "t.json", ("fzcli", "tune", "t.yaml"))
+    moved = tuning({"generations": 0}, controller={**controller, "rulebase": str(again)}, duration=1.0)
+    assert tune_to(moved, tmp_path / "m.json").before == found.after  # to the last bit, with its numbers in the file
+
+
+def test_a_singleton_is_not_moved_out_of_its_range(tmp_path: Path) -> None:
+    (tmp_path / "plain.yaml").write_text(SINGLETONS)
+    spec = tuning(controller={"kind": "fuzzy_clik", "gain": 9, "rulebase": str(tmp_path / "plain.yaml")}).sweep.specs[0]
+    path = "controller.rulebase.outputs.increment.terms.FAST"
+    vary = tuning({"vary": {"controller.gain": {"scale": [1, 100]}}}).section.vary
+    assert changed(spec, {path: vary["controller.gain"]}, [12]) is not None
+    assert changed(spec, {path: vary["controller.gain"]}, [13]) is None
 
 
 def test_candidates_that_make_no_sense_are_not_chosen() -> None:
