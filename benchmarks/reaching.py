@@ -18,8 +18,8 @@ from fzcli.loop.assemble import closed_loop, parameter_row
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.compiler import host_isa
 from fzcli.loop.engine import CompiledEngine, VirtualMachine
+from fzcli.loop.run_file import run_of
 from fzcli.loop.run_spec import SimulateRun
-from fzcli.loop.simulate import run_of
 from fzcli.loop.stepper import Stepper
 from fzcli.model.tree import build_tree
 from fzcli.spec.reader import read_text

@@ -30,7 +30,7 @@ import fzcli
 from fzcli.loop.assemble import closed_loop, parameter_row
 from fzcli.loop.compiler import find_compiler, host_isa
 from fzcli.loop.engine import CompiledEngine, VirtualMachine
-from fzcli.loop.simulate import run_of
+from fzcli.loop.run_file import run_of
 from fzcli.loop.stepper import Stepper
 from fzcli.model.tree import build_tree
 from fzcli.spec.reader import read_text

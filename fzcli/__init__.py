@@ -69,7 +69,8 @@ def simulate(
     "controller.gain=100"; ``output`` is the HDF5 file to write, none by default.
     Raises SpecError for bad input; a run that fails is returned with its status and data.
     """
-    from fzcli.loop.simulate import load_run, read_run, simulate_all
+    from fzcli.loop.run_file import load_run, read_run
+    from fzcli.loop.simulate import simulate_all
     from fzcli.record.rollout_file import write_rollout
 
     document = read_run(run)

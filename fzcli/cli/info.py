@@ -62,7 +62,7 @@ def _text(path: Path) -> list[str]:
 
 def _run(document: "Document", kind: str) -> list[str]:
     from fzcli.cli.describe import describe_plan, describe_simulation, describe_sweep
-    from fzcli.loop.simulate import run_of, variants_of
+    from fzcli.loop.run_file import run_of, variants_of
     from fzcli.sweep.resolve import resolve
 
     if kind == "tune":

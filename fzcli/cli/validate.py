@@ -87,7 +87,7 @@ def check(path: Path) -> str:
 
 def _check_simulation(document: "Document") -> None:
     from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
-    from fzcli.loop.simulate import runs_of
+    from fzcli.loop.run_file import runs_of
 
     spec, variants = runs_of(document)
     for one in (spec, *variants.values()):

@@ -64,6 +64,7 @@ class Builds:
         self._found: list[tuple[tuple[str, ...], str, Build]] = list(like._found) if like else []
         self._known: dict[int, tuple[SimulateRun, Build]] = {}
         self._rows: dict[int, Array] = {}
+        self._fields: dict[tuple[int, tuple[str, ...]], tuple[bool, ...]] = {}
 
     def of(self, spec: SimulateRun, known: bool = True) -> Build:
         """The build that serves a run spec; a new one when none does. ``known``: it will be asked for again."""
@@ -79,6 +80,14 @@ class Builds:
         if id(spec) not in self._rows:
             self._rows[id(spec)] = parameter_row(spec, self.of(spec).loop.parameters)
         return self._rows[id(spec)]
+
+    def fields_of(self, spec: SimulateRun, draws: Sequence[Drawn]) -> tuple[bool, ...]:
+        """Which of the drawn fields a run spec has that is asked for again and again."""
+        key = id(spec), tuple(one.path for one in draws)
+        if key not in self._fields:
+            self.of(spec)
+            self._fields[key] = tuple(spec.has(one.path) for one in draws)
+        return self._fields[key]
 
     def _sought(self, spec: SimulateRun) -> Build:
         dump = spec.model_dump(mode="json", exclude=NOT_BUILT_IN)
@@ -133,7 +142,10 @@ def rows_of(
     Drawn fields that are run-time parameters only fill columns. Any other field means a build of its
     own for each of its values.
     """
-    draws, drawn = _of_this(spec, draws, drawn)
+    fields = builds.fields_of(spec, draws)
+    if not all(fields):  # its controller may be of another kind
+        drawn = drawn[:, np.repeat(fields, [one.size for one in draws])]
+        draws = [one for one, has in zip(draws, fields, strict=True) if has]
     build = builds.of(spec)
     places = _columns(build.loop)
     if all(one.path in places for one in draws):
@@ -156,20 +168,6 @@ def rows_of(
         Rows(own, np.array(members), np.array(table_rows), np.array(steps))
         for own, members, table_rows, steps in found.values()
     ]
-
-
-def _of_this(spec: SimulateRun, draws: Sequence[Drawn], drawn: Array) -> tuple[Sequence[Drawn], Array]:
-    """The draws, and their columns, whose fields this run has: its controller may be of another kind."""
-    mine = []
-    for one in draws:
-        try:
-            spec.value_at(one.path)
-        except KeyError:
-            continue
-        mine.append(one)
-    parts = split(draws, drawn.T)
-    columns = [parts[one.path] for one in mine]
-    return mine, np.concatenate(columns).T if columns else np.zeros((len(drawn), 0))
 
 
 def split(draws: Sequence[Drawn], values: Array) -> dict[str, Array]:

@@ -103,11 +103,9 @@ def candidate(draws: Sequence[Drawn], random: Source, apart: Source | None = Non
 
 def candidates(draws: Sequence[Drawn], random: Sequence[Streams]) -> Array:
     """Drawn vectors (n, k), one from each source in turn; a source may stand there several times."""
-    raw = np.empty((len(random), sum(one.size for one in draws)))
     parts = _parts(draws)
-    for row, streams in zip(raw, random, strict=True):
-        for first, last, stream, take in parts:
-            row[first:last] = take(streams[stream], last - first)
+    rows = [[value for size, stream, take in parts for value in take(streams[stream], size)] for streams in random]
+    raw = np.array(rows, dtype=np.float64).reshape(len(random), sum(one.size for one in draws))
     first = 0
     for one in draws:
         block = raw[:, first : first + one.size]
@@ -117,50 +115,48 @@ def candidates(draws: Sequence[Drawn], random: Sequence[Streams]) -> Array:
     return raw
 
 
-_Take = Callable[[Source, int], Array]
+_Take = Callable[[Source, int], list[float]]
 
 
-def _parts(draws: Sequence[Drawn]) -> list[tuple[int, int, int, _Take]]:
-    """Columns, from which stream and how they are taken; neighbours that take the same kind of number together."""
-    parts: list[tuple[int, int, int, _Take]] = []
-    first = 0
+def _parts(draws: Sequence[Drawn]) -> list[tuple[int, int, _Take]]:
+    """How many numbers, from which stream and how they are taken; neighbours of the same kind are taken together."""
+    parts: list[tuple[int, int, _Take]] = []
     for one in draws:
-        last, stream, take = first + one.size, int(one.path.startswith(APART)), _taker(one)
-        if take is _random and parts and parts[-1][2:] == (stream, _random):
-            parts[-1] = parts[-1][0], last, stream, _random
+        size, stream, take = one.size, int(one.path.startswith(APART)), _taker(one)
+        if take is _random and parts and parts[-1][1:] == (stream, _random):
+            parts[-1] = parts[-1][0] + size, stream, _random
         else:
-            parts.append((first, last, stream, take))
-        first = last
+            parts.append((size, stream, take))
     return parts
 
 
 def _taker(one: Drawn) -> _Take:
     if one.distribution == "choice" and one.choices is not None:
-        choices = one.choices
+        choices: list[list[float]] = np.asarray(one.choices, dtype=np.float64).tolist()
 
-        def choose(source: Source, size: int) -> Array:
-            return np.asarray(choices[int(source.integers(len(choices)))], dtype=np.float64)
+        def choose(source: Source, size: int) -> list[float]:
+            return choices[int(source.integers(len(choices)))]
 
         return choose
     takers: dict[str, _Take] = {"sphere": _direction, "normal": _normal}
     return takers.get(one.distribution, _random)
 
 
-def _random(source: Source, size: int) -> Array:
-    return source.random(size)
+def _random(source: Source, size: int) -> list[float]:
+    return list(source.random(size).tolist())
 
 
-def _normal(source: Source, size: int) -> Array:
-    return source.standard_normal(size)
+def _normal(source: Source, size: int) -> list[float]:
+    return list(source.standard_normal(size).tolist())
 
 
-def _direction(source: Source, size: int) -> Array:
+def _direction(source: Source, size: int) -> list[float]:
     """Uniform on the unit sphere."""
     while True:
-        direction = source.standard_normal(size)
-        length = math.sqrt(sum([part**2 for part in direction.tolist()]))  # no BLAS: the same bits anywhere
+        parts = _normal(source, size)
+        length = math.sqrt(sum([part**2 for part in parts]))
         if length > 1e-8:
-            return np.asarray(direction / length)
+            return [part / length for part in parts]
 
 
 def _spread(one: Drawn, raw: Array) -> Array:

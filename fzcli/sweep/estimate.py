@@ -12,7 +12,7 @@ from fzcli.sweep.kept_runs import UNSAID, Chosen, kept_by_shard, records_of, tol
 from fzcli.sweep.layout import Layout, Piece, layout_of
 from fzcli.sweep.meaning import AnySweep, meaning_of
 from fzcli.sweep.output import finished, folder_beside
-from fzcli.sweep.plan_sweep import PlanSweep
+from fzcli.sweep.resolve import Sweep
 from fzcli.sweep.work import Worker
 
 
@@ -54,7 +54,7 @@ def estimate(sweep: AnySweep, path: Path) -> Estimate:
 def _measured(sweep: AnySweep, worker: Worker, layout: Layout) -> tuple[float, float, float]:
     """Seconds and bytes of a run, and bytes of the runs that are kept in the end."""
     piece = layout.piece(0)
-    if isinstance(sweep, PlanSweep):
+    if not isinstance(sweep, Sweep):
         piece = replace(piece, places=range(1))
     worker.compile(1)
     begin = time.perf_counter()
@@ -67,7 +67,7 @@ def _measured(sweep: AnySweep, worker: Worker, layout: Layout) -> tuple[float, f
 def _kept_bytes(sweep: AnySweep, worker: Worker, layout: Layout, piece: Piece) -> float:
     records = records_of(sweep)
     ranked = [record for record in records if record.keep != "metrics" and not kept_by_shard(record)]
-    if not ranked or isinstance(sweep, PlanSweep):
+    if not ranked or not isinstance(sweep, Sweep):
         return 0.0
     shard = worker.shard(replace(piece, places=range(1), configs=piece.configs[:1]))
     drawn = drawn_rows(sweep, shard.draws, [0])

@@ -22,8 +22,7 @@ from fzcli.sweep.folder import Folder, begin_folder
 from fzcli.sweep.gather import gathered
 from fzcli.sweep.meaning import AnySweep, meaning_of
 from fzcli.sweep.output import finished, folder_beside, publish, settle
-from fzcli.sweep.plan_sweep import PlanSweep, resolve_plans
-from fzcli.sweep.resolve import resolve
+from fzcli.sweep.resolve import Sweep, resolve
 from fzcli.sweep.work import Worker, check_engine, do, worker_of
 
 Tell = Callable[[str, int, int], None]
@@ -71,7 +70,11 @@ def resolve_any(document: Document, sets: Sequence[str] = ()) -> AnySweep:
     """A sweep of simulations or of plans, as its file says. Raises SpecError with every problem found."""
     document = apply_sets(document, sets) if sets else document
     plans = isinstance(document.value, dict) and document.value.get("run") == "plan"
-    return resolve_plans(document) if plans else resolve(document)
+    if not plans:
+        return resolve(document)
+    from fzcli.sweep.plan_sweep import resolve_plans
+
+    return resolve_plans(document)
 
 
 def table_spec(sweep: AnySweep) -> TableSpec | None:
@@ -84,7 +87,7 @@ def table_spec(sweep: AnySweep) -> TableSpec | None:
 
 def precision_of(sweep: AnySweep) -> Precision:
     """Of the trajectories in the sweep's file."""
-    if isinstance(sweep, PlanSweep):
+    if not isinstance(sweep, Sweep):
         return "f8" if sweep.file.record is None else sweep.file.record.precision
     return sweep.specs[0].record.precision
 
@@ -100,7 +103,7 @@ def run_sweep(
     worker = checked_worker(sweep)
     with tempfile.TemporaryDirectory(prefix="fzcli-") as scratch:
         folder = begin_folder(Path(scratch) / "shards", meaning_of(sweep), "f8")
-        means = Means(jobs, processes=None if isinstance(sweep, PlanSweep) else False)
+        means = Means(jobs, processes=False if isinstance(sweep, Sweep) else None)
         _compute(folder, worker, means, listener, list(range(folder.layout.shards)))
         with gathered(folder, worker, listener.tell, argv) as record:
             return replace(

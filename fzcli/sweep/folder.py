@@ -17,7 +17,7 @@ from pathlib import Path
 
 from fzcli.errors import RecordError, UsageError
 from fzcli.loop.file_lock import HeldError, locked
-from fzcli.loop.simulate import versions
+from fzcli.loop.versions import versions
 from fzcli.record.hdf5 import TEMPORARY, Precision, replacing
 from fzcli.record.shard_file import read_shard
 from fzcli.sweep.layout import Layout, layout_of

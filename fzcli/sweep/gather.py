@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import RecordError, UnfinishedError
-from fzcli.loop.simulate import versions
+from fzcli.loop.versions import versions
 from fzcli.record.kept_in_files import KeptInShards
 from fzcli.record.scratch import Columns, Scratch
 from fzcli.record.shard_file import Shard, read_shard
@@ -22,7 +22,7 @@ from fzcli.spec.units import unit_at
 from fzcli.sweep.folder import Folder
 from fzcli.sweep.kept_runs import UNSAID, Chosen, ranked, records_of
 from fzcli.sweep.meaning import AnySweep
-from fzcli.sweep.plan_sweep import PlanSweep
+from fzcli.sweep.resolve import Sweep
 from fzcli.sweep.work import Worker
 
 Array = NDArray[np.float64]
@@ -133,7 +133,7 @@ def drawn_rows(sweep: AnySweep, tables: Mapping[str, Array], rows: Sequence[int]
 def _by_rank(folder: Folder, columns: Columns) -> Iterator[Chosen]:
     count = folder.layout.count
     crashed = columns.get("crashed")
-    claimed = columns["claimed"] if isinstance(folder.sweep, PlanSweep) else None
+    claimed = None if isinstance(folder.sweep, Sweep) else columns["claimed"]
     ranks: dict[str, Array] = {}
     for config, record in enumerate(records_of(folder.sweep)):
         if record.keep == "metrics":

@@ -8,22 +8,23 @@ compiled engine and CasADi's machine agree to 1e-12 a step, not to the last bit.
 import json
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from fzcli.errors import RecordError
 from fzcli.loop.compiler import find_compiler
 from fzcli.loop.run_spec import simulate_model
-from fzcli.plan.plan_spec import PlanRun
 from fzcli.spec.base import SpecModel
 from fzcli.spec.document import document_of
 from fzcli.spec.hashing import spec_hash
-from fzcli.sweep.plan_sweep import PlanSweep
 from fzcli.sweep.resolve import Drawn, Sweep
 from fzcli.sweep.sweep_spec import SweepFile
 
-AnySweep = Sweep | PlanSweep
+if TYPE_CHECKING:
+    from fzcli.sweep.plan_sweep import PlanSweep
+
+AnySweep: TypeAlias = "Sweep | PlanSweep"  # planners load for sweeps of plans alone
 SHORT = 8  # digits of an identity in the names of files and folders
 
 
@@ -100,6 +101,9 @@ def sweep_of(meaning: Meaning) -> AnySweep:
     draws = tuple(_drawn_from_data(one) for one in data["draws"])
     document = document_of({"kind": "sweep"})
     if data["run"] == "plan":
+        from fzcli.plan.plan_spec import PlanRun
+        from fzcli.sweep.plan_sweep import PlanSweep
+
         return PlanSweep(file, document, changes, [PlanRun.model_validate(run) for run in runs], draws)
     model = simulate_model()
     tried = None if data["filter"] is None else model.model_validate(data["filter"]["run"])

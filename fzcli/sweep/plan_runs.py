@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.errors import SpecError
-from fzcli.loop.simulate import versions
+from fzcli.loop.versions import versions
 from fzcli.plan.plan import Plan
 from fzcli.plan.plan_spec import PlanRun
 from fzcli.plan.planning import NoPlanError, prepare, solve

@@ -18,7 +18,8 @@ from fzcli.sweep.checks import check_expected, check_one_source
 from fzcli.sweep.draws import candidate, generator, sources
 from fzcli.sweep.own_section import OwnSection, own_section
 from fzcli.sweep.resolve import Drawn, configurations_of, draws_of, first_with, plain, sample_of, with_values
-from fzcli.sweep.scenes import SceneDraw, draw_scene
+from fzcli.sweep.scene_spec import SceneDraw
+from fzcli.sweep.scenes import draw_scene
 from fzcli.sweep.sweep_spec import OWN_KEYS, SweepFile, Trajectories
 from fzcli.sweep.trajectories import FilterError
 

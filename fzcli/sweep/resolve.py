@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from fzcli.control.registry import controllers
 from fzcli.errors import Problem, SpecError
+from fzcli.loop.run_file import fitted, run_of
 from fzcli.loop.run_spec import SimulateRun
-from fzcli.loop.simulate import fitted, run_of
 from fzcli.spec.base import SpecModel
 from fzcli.spec.document import Document, Node
 from fzcli.spec.load import check_kind

@@ -1,10 +1,9 @@
 """Random scenes to plan in: a start, a goal, and obstacles in the way; the same for all configurations of a sweep."""
 
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
 from fzcli.plan.built import model_of
 from fzcli.plan.joint_path import JointPath
@@ -12,46 +11,12 @@ from fzcli.plan.plan_spec import PlanGoal, PlanRun
 from fzcli.plan.planning import planned_robot
 from fzcli.plan.scene import Obstacle, build_scene
 from fzcli.plan.world import World, build_world
-from fzcli.spec.base import SpecModel
-from fzcli.spec.units import Length
+from fzcli.sweep.scene_spec import SceneDraw
 
 Array = NDArray[np.float64]
-Extent = Annotated[Length, Field(gt=0)]
-Size = tuple[Extent, Extent, Extent]
 MIDDLE = (0.25, 0.75)  # of the path's time: where obstacles stand
 LOOKED_AT = 201  # samples of the straight path
 JOINTS = (-np.pi, np.pi)  # rad or m: within which joints without limits are drawn
-
-
-class SceneDraw(SpecModel):
-    """Start and goal within the joint limits, and obstacles about the tip's way from one to the other.
-
-    Both keep the run's margin from everything, and the straight joint path does not.
-    """
-
-    kind: Literal["on_path"] = "on_path"
-    count: Annotated[tuple[int, int], Field(description="how many obstacles, at least and at most")] = (1, 3)
-    radius: Annotated[tuple[Extent, Extent], Field(description="of spheres, at least and at most")]
-    panel: Annotated[
-        tuple[Size, Size] | None,
-        Field(description="edges of panels, smallest and largest: with them, half of the obstacles are panels"),
-    ] = None
-    spread: Annotated[
-        Length, Field(ge=0, description="standard deviation of an obstacle's middle from the tip, each axis")
-    ] = 0.0
-    goal: Annotated[
-        Literal["joints", "pose"], Field(description="what runs are told of the goal; pose: the tip's, in the world")
-    ] = "joints"
-    most: Annotated[int, Field(ge=1, description="candidates tried for one scene at the most")] = 1000
-
-    @model_validator(mode="after")
-    def _in_order(self) -> "SceneDraw":
-        if not 1 <= self.count[0] <= self.count[1]:
-            raise ValueError(f"count needs two numbers from 1 on, in order, got {self.count[0]} and {self.count[1]}")
-        for low, high in [self.radius, *zip(*(self.panel or ()), strict=True)]:
-            if low > high:
-                raise ValueError(f"the lower end {low:g} lies above the upper {high:g}")
-        return self
 
 
 def draw_scene(spec: PlanRun, draw: SceneDraw, random: np.random.Generator) -> dict[str, Any] | None:

@@ -12,8 +12,9 @@ from fzcli.loop.engine import Engine
 from fzcli.loop.reductions import seen
 from fzcli.loop.rollout import Rollout
 from fzcli.loop.run_spec import RecordSpec
-from fzcli.loop.simulate import rollouts, versions
+from fzcli.loop.simulate import rollouts
 from fzcli.loop.verdict import BOUNDED, JUDGED, OUTCOME, outcomes, status_codes
+from fzcli.loop.versions import versions
 from fzcli.record.shard_file import Shard
 from fzcli.record.sweep_record import KeptRun
 from fzcli.spec.nearest import hint

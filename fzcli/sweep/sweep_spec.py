@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from fzcli.loop.run_spec import RecordSpec
 from fzcli.spec.base import SpecModel
 from fzcli.spec.nearest import hint
-from fzcli.sweep.scenes import SceneDraw
+from fzcli.sweep.scene_spec import SceneDraw
 
 _CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 

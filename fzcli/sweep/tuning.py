@@ -23,7 +23,7 @@ from fzcli.loop.assemble import closed_loop
 from fzcli.loop.events import make_engine
 from fzcli.loop.file_lock import HeldError, locked
 from fzcli.loop.reductions import seen
-from fzcli.loop.simulate import versions
+from fzcli.loop.versions import versions
 from fzcli.model import RobotModel, build_model
 from fzcli.record.hdf5 import replacing
 from fzcli.spec.hashing import spec_hash

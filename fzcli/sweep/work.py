@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from fzcli.errors import EngineError, RecordError
 from fzcli.loop.compiler import find_compiler
@@ -15,11 +16,13 @@ from fzcli.spec.result import STATUS_NAMES
 from fzcli.sweep.folder import Folder, open_folder
 from fzcli.sweep.kept_runs import UNSAID
 from fzcli.sweep.meaning import AnySweep
-from fzcli.sweep.plan_runs import Plans
-from fzcli.sweep.plan_sweep import PlanSweep
-from fzcli.sweep.simulations import Simulations
+from fzcli.sweep.resolve import Sweep
 
-Worker = Simulations | Plans
+if TYPE_CHECKING:
+    from fzcli.sweep.plan_runs import Plans
+    from fzcli.sweep.simulations import Simulations
+
+Worker: TypeAlias = "Simulations | Plans"  # loaded when asked for: a finished sweep needs neither
 _ROOM: AbstractContextManager[object] = nullcontext()
 FAILED = STATUS_NAMES.index("failed")
 
@@ -44,7 +47,13 @@ class Done:
 
 def worker_of(sweep: AnySweep, identity: str, jobs: int = 1) -> Worker:
     """What computes the shards of a sweep; ``jobs``: threads in one shard."""
-    return Plans(sweep, identity) if isinstance(sweep, PlanSweep) else Simulations(sweep, identity, jobs)
+    if isinstance(sweep, Sweep):
+        from fzcli.sweep.simulations import Simulations
+
+        return Simulations(sweep, identity, jobs)
+    from fzcli.sweep.plan_runs import Plans
+
+    return Plans(sweep, identity)
 
 
 def do(

@@ -142,7 +142,7 @@ def test_an_unexpected_error_is_one_line_and_a_way_to_the_traceback(
     def broken(*_: object) -> None:
         raise ZeroDivisionError("of all things\nand more")
 
-    monkeypatch.setattr("fzcli.loop.simulate.load_run", broken)
+    monkeypatch.setattr("fzcli.loop.run_file.load_run", broken)
     result = fzcli("simulate", "run.yaml", code=1)
     expected = "error: unexpected ZeroDivisionError: of all things (FZCLI_DEBUG=1 shows the traceback)\n"
     assert result.stderr == expected
@@ -154,5 +154,5 @@ def test_an_interrupt_ends_with_130(fzcli: Invoke, monkeypatch: pytest.MonkeyPat
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("fzcli.loop.simulate.load_run", interrupted)
+    monkeypatch.setattr("fzcli.loop.run_file.load_run", interrupted)
     assert fzcli("simulate", "run.yaml", code=130).stderr == "fzcli: interrupted\n"

@@ -133,3 +133,23 @@ def test_help_loads_none_of_the_heavy_packages(tmp_path: Path) -> None:
         after = os.times()
         times.append(after.children_user + after.children_system - before.children_user - before.children_system)
     assert min(times) <= 0.35
+
+
+def test_a_finished_sweep_loads_neither_simulators_nor_planners(tmp_path: Path) -> None:
+    """Its table comes within a second, most of which is Python and NumPy."""
+    script = (
+        "import sys; sys.argv = ['fzcli', 'sweep', 'table2-small', '--set', 'trajectories.count=2']\n"
+        "from fzcli.cli.main import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
+        "heavy = {'scipy', 'matplotlib', 'distributed', 'fzcli.sweep.simulations', 'fzcli.plan.load', 'fzcli.learn'}\n"
+        "print('loaded', sorted(heavy & set(sys.modules)))\n"
+    )
+    settings = {**os.environ, "PYTHONPATH": str(ROOT), "FZCLI_CC": "none"}
+    command = [sys.executable, "-c", script]
+    runs = [
+        subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=settings, check=True)
+        for _ in range(2)
+    ]
+    assert "fzcli.sweep.simulations" in runs[0].stdout.splitlines()[-1]
+    assert "finished before" in runs[1].stderr
+    assert runs[1].stdout.endswith("loaded []\n")

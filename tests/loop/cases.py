@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.loop.closed_loop import ClosedLoop
+from fzcli.loop.run_file import run_of
 from fzcli.loop.run_spec import SimulateRun
-from fzcli.loop.simulate import run_of
 from fzcli.spec.document import document_of
 from tests.oracle.table1_robot import draw_start_and_line
 

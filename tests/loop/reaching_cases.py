@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fzcli.loop.run_file import run_of
 from fzcli.loop.run_spec import SimulateRun
-from fzcli.loop.simulate import run_of
 from fzcli.spec.document import document_of
 from fzcli.spec.robot import Base, Frame, Joint, JointType, Link, Robot, Tip
 

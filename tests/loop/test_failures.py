@@ -8,7 +8,8 @@ import pytest
 
 from fzcli.errors import SpecError
 from fzcli.loop.rollout import Rollout
-from fzcli.loop.simulate import run_of, simulate
+from fzcli.loop.run_file import run_of
+from fzcli.loop.simulate import simulate
 from fzcli.spec.reader import read_text
 from tests.loop.cases import run_spec
 

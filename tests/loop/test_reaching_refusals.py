@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from fzcli.errors import Problem, SpecError
-from fzcli.loop.simulate import load_run
+from fzcli.loop.run_file import load_run
 
 LINES = {
     "robot": "ur5_free_flyer",

@@ -14,7 +14,8 @@ from fzcli.loop.assemble import closed_loop, parameter_row, step_counts
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.events import make_engine
 from fzcli.loop.rollout import Rollout
-from fzcli.loop.simulate import load_run, simulate
+from fzcli.loop.run_file import load_run
+from fzcli.loop.simulate import simulate
 from tests.loop.reaching_cases import HOME_A, HOME_B, reaching_run, unit
 from tests.oracle.fabrik_points import chain_of
 from tests.oracle.fabrik_reference import State, Task, errors, start_state

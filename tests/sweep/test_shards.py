@@ -6,6 +6,8 @@ import resource
 import signal
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -286,11 +288,38 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
         go_on(tmp_path / "file" / "s.h5")
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
+@pytest.fixture
+def read_only() -> Iterator[Callable[[], None]]:
+    """Takes away the right to write where nobody else may; root does so by becoming another user."""
+    mine = os.geteuid()
+    yield lambda: os.seteuid(mine or 65534)
+    os.seteuid(mine)
+
+
+@pytest.fixture
+def open_folder() -> Iterator[Path]:
+    """One that all users may enter, which pytest's are not."""
+    with tempfile.TemporaryDirectory() as name:
+        Path(name).chmod(0o755)
+        yield Path(name)
+        Path(name).chmod(0o755)
+
+
+def test_a_folder_that_may_not_be_written(open_folder: Path, read_only: Callable[[], None]) -> None:
+    """Nothing is begun there, nothing is lost, and a finished sweep is shown all the same."""
+    path = open_folder / "s.h5"
+    folder = half_done(path)
+    before = sorted(folder.path.iterdir())
+    go_on(open_folder / "other" / "s.h5")
+    for one in (open_folder, folder.path, open_folder / "other"):
+        one.chmod(0o555)
+    read_only()
+    with pytest.raises(RecordError, match=r"cannot be (made|written): Permission denied"):
+        go_on(path)
     with pytest.raises(RecordError, match=r"cannot be made: Permission denied"):
-        go_on(tmp_path / "s.h5")
+        go_on(open_folder / "new" / "s.h5")
+    assert go_on(open_folder / "other" / "s.h5") == 0
+    assert sorted(folder.path.iterdir()) == before
 
 
 class Fragile:

@@ -7,7 +7,8 @@ import pytest
 
 from fzcli.errors import RecordError
 from fzcli.loop.rollout import Rollout
-from fzcli.loop.simulate import run_of, simulate_all, variants_of
+from fzcli.loop.run_file import run_of, variants_of
+from fzcli.loop.simulate import simulate_all
 from fzcli.record.rollout_file import write_rollout
 from fzcli.spec.document import document_of
 from fzcli.view.plots import plot

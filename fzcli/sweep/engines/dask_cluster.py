@@ -92,7 +92,8 @@ def _client(address: str, scheduler_file: Path | None, jobs: int) -> Any:
             return connect(scheduler_file=str(scheduler_file), timeout=10, set_as_default=False)
         if address == "local":
             os.environ.setdefault("DASK_DISTRIBUTED__LOGGING__DISTRIBUTED", "critical")  # its farewells are no errors
-            options = {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": logging.CRITICAL}
+            os.environ.setdefault("DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED", "False")  # stops the work to look at it
+            options = {"threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": logging.CRITICAL}
             return connect(begin(n_workers=jobs, **options), set_as_default=False)
         return connect(address, timeout=10, set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
