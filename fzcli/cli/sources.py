@@ -80,12 +80,15 @@ def run_source(run: str) -> RunSource:
 
     Raises:
         SpecError: there is no such run; the nearest names are given.
+        UsageError: it is a result.
     """
     from fzcli.spec.library import find, shipped_root
 
     if run == "-":
         return RunSource("-", "stdin", Path("runs"))
     path = find("runs", run)
+    if is_result(path):
+        raise UsageError(f"{run}: is a result; name the run that it comes from, and the result itself with -o")
     by_name = not Path(run).suffix and len(Path(run).parts) == 1
     shipped = by_name and path.resolve().parent == (shipped_root() / "runs").resolve()
     return RunSource(path, path.stem, Path("runs") if shipped else path.parent)
