@@ -133,7 +133,7 @@ def plan(
     Raises SpecError for bad input, NoPlanError where no path is found.
     """
     from fzcli.loop.plan_replay import replay_of
-    from fzcli.loop.simulate import read_run
+    from fzcli.loop.run_file import read_run
     from fzcli.plan.load import make_plan, task_of, with_sets
     from fzcli.record.plan_file import write_plan
 
