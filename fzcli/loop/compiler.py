@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from fzcli.errors import EngineError
-from fzcli.loop.file_lock import locked
+from fzcli.loop.file_lock import locked_briefly
 
 FLAGS = (
     "-O2",
@@ -148,7 +148,7 @@ def build_library(
     library, checksum = folder / f"{key}.so", folder / f"{key}.sha256"
     if not _intact(library, checksum):
         try:
-            with locked(folder / f"{key}.lock"):  # of several processes, one compiles and the others wait for it
+            with locked_briefly(folder / f"{key}.lock"):  # one process compiles, the others wait for it
                 if not _intact(library, checksum):
                     _compile(source, flags, compiler, library, checksum)
         except OSError as error:

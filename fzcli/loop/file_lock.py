@@ -39,6 +39,20 @@ def locked(path: Path, holder: str = "", shared: bool = False, wait: bool = True
 
 
 @contextlib.contextmanager
+def locked_briefly(path: Path) -> Iterator[None]:
+    """The same, waiting, by a file that goes with the lock; those who wait for it make it anew.
+
+    On Windows, which removes no open files, it stays.
+    """
+    with locked(path):
+        try:
+            yield
+        finally:
+            if sys.platform != "win32":
+                path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
 def locked_folder(path: Path) -> Iterator[None]:
     """Hold the lock of a folder, waiting for it; on Windows, which locks no folders, there is none."""
     if fcntl is None:
