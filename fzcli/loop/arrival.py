@@ -69,32 +69,18 @@ def arrival(
             target.quat
         )[:, 2]
         metrics.append(Metric("target_angle_final", "target_angle", "last", "rad", f"between {what}"))
-    reduced: dict[str, ca.SX] = {}
-    if truth is not None:
-        miss, off = _left(model, tip, aim, target, q, truth)
-        signals[Signal("miss_distance", "m", "between target and the tip on the base that turns")] = miss
-        metrics.append(Metric("miss_distance_final", "miss_distance", "last", "m", "by which the plan really misses"))
-        if aim in ("direction", "pose"):
-            signals[Signal("miss_angle", "rad", "from the wanted direction, on the base that turns")] = off
-            metrics.append(Metric("miss_angle_final", "miss_angle", "last", "rad", "by which it really misses"))
-    reduced.update(_speeds(model, tip, target, q, quat, motion))
-    metrics.append(
-        Metric("tip_speed_final", "tip_speed", "last", "m/s", "of the tip relative to the target, over the last step")
-    )
-    metrics.append(
-        Metric("joint_speed_final", "joint_speed", "last", "rad/s or m/s", "largest joint speed, over the last step")
-    )
+    reduced = _speeds(model, tip, target, q, quat, motion)
+    metrics += [
+        Metric("tip_speed_final", "tip_speed", "last", "m/s", "of the tip relative to the target, over the last step"),
+        Metric("joint_speed_final", "joint_speed", "last", "rad/s or m/s", "largest joint speed, over the last step"),
+    ]
     if model.floating:
         metrics.append(Metric("base_turn_final", "base_turn", "last", "rad", "turn of the base since the start"))
     arrived = ca.SX(0)
     if stop is not None:
-        there = distance < stop.position
+        there = _within(aim, stop, distance, angle)
         if stop.speed is not None:
             there = ca.logic_and(there, reduced["tip_speed"] < stop.speed)
-        if aim == "direction" and stop.direction is not None:
-            there = ca.logic_and(there, angle < stop.direction)
-        elif aim == "pose" and stop.orientation is not None:
-            there = ca.logic_and(there, angle < stop.orientation)
         arrived = ca.if_else(there, 1.0, 0.0)
         reduced["arrived"] = arrived
         reduced["arrival_time"] = ca.if_else(there, time, FAR)
@@ -102,15 +88,38 @@ def arrival(
             Metric("arrived", "arrived", "last", "1", "whether the target was reached", truth=True),
             Metric("arrival_time", "arrival_time", "last", "s", "when the target was reached"),
         ]
-        if truth is not None:
-            wide = miss >= stop.position
-            if aim == "direction" and stop.direction is not None:
-                wide = ca.logic_or(wide, off >= stop.direction)
-            reduced["missed"] = ca.if_else(wide, 1.0, 0.0)
-            text = "whether the tip misses the target on the base that turns"
-            metrics.append(Metric("missed", "missed", "last", "1", text, truth=True))
+    if truth is not None:
+        missed = _missed(aim, stop, *_left(model, tip, aim, target, q, truth))
+        signals.update(missed.signals)
+        reduced.update(missed.reduced)
+        metrics += missed.metrics
     reduced.update({signal.name: value for signal, value in signals.items() if not signal.components})
     return Arrival(arrived, signals, reduced, tuple(metrics))
+
+
+def _within(aim: AimName, stop: StopSpec, distance: ca.SX, angle: ca.SX) -> ca.SX:
+    """Whether distance and angle are as small as the stop asks for."""
+    there = distance < stop.position
+    if aim == "direction" and stop.direction is not None:
+        there = ca.logic_and(there, angle < stop.direction)
+    elif aim == "pose" and stop.orientation is not None:
+        there = ca.logic_and(there, angle < stop.orientation)
+    return there
+
+
+def _missed(aim: AimName, stop: StopSpec | None, miss: ca.SX, off: ca.SX) -> Arrival:
+    """What a plant that leaves the base's turn out truly misses by: distance and angle on the base that turns."""
+    signals = {Signal("miss_distance", "m", "between target and the tip on the base that turns"): miss}
+    metrics = [Metric("miss_distance_final", "miss_distance", "last", "m", "by which the plan really misses")]
+    if aim in ("direction", "pose"):
+        signals[Signal("miss_angle", "rad", "from the wanted direction, on the base that turns")] = off
+        metrics.append(Metric("miss_angle_final", "miss_angle", "last", "rad", "by which it really misses"))
+    if stop is None:
+        return Arrival(ca.SX(0), signals, {}, tuple(metrics))
+    wide = ca.logic_not(_within(aim, stop, miss, off))
+    text = "whether the tip misses the target on the base that turns"
+    metrics.append(Metric("missed", "missed", "last", "1", text, truth=True))
+    return Arrival(ca.SX(0), signals, {"missed": ca.if_else(wide, 1.0, 0.0)}, tuple(metrics))
 
 
 def _speeds(

@@ -122,6 +122,22 @@ def test_a_plan_by_translation_only_really_misses(name: str, home: Array, miss: 
     np.testing.assert_allclose(plan.signals["miss_angle"], [angle for _, angle in real], atol=1e-6)
 
 
+@machine
+def test_a_pose_that_is_met_in_place_but_not_in_orientation_is_missed() -> None:
+    run = reaching_run(
+        plant="translation_only",
+        reference={"kind": "target", "position": [0.4, 0.3, 0.7], "rpy": [1.6, 0, 0]},
+        controller={"kind": "fabrik", "task": "pose"},
+        stop={"position": "1 m", "orientation": "2 deg", "after": "10 s"},
+    )
+    plan = simulate(run)
+    assert plan.metrics["arrived"] == 1
+    assert plan.metrics["miss_distance_final"] < 1.0
+    assert plan.metrics["miss_angle_final"] > np.deg2rad(2)
+    assert plan.metrics["missed"] == 1
+    assert plan.status.name == "flagged"
+
+
 # What holds in every run
 
 
