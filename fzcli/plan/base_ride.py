@@ -16,6 +16,7 @@ from fzcli.model import RobotModel
 from fzcli.model.collision import many
 from fzcli.model.gauss_magnus import COMMUTATOR, NODES
 from fzcli.plan.built import part_of
+from fzcli.plan.quaternions import exponential, product
 
 Array = NDArray[np.float64]
 PIECE = 0.05  # s: longest piece of path over which the base is carried in one go
@@ -108,29 +109,6 @@ def carried(quat: Array, turns: Array) -> Array:
     first = np.broadcast_to(quat, (1, *chain.shape[1:]))
     found = np.concatenate([first, product(np.broadcast_to(quat, chain.shape), chain)])
     return np.asarray(found / np.sqrt((found * found).sum(axis=-1, keepdims=True)))
-
-
-def exponential(turns: Array) -> Array:
-    """Unit quaternions (..., 4) of rotation vectors (..., 3) [rad]."""
-    half = 0.5 * np.sqrt((turns * turns).sum(axis=-1, keepdims=True))
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * turns], axis=-1)
-
-
-def product(a: Array, b: Array) -> Array:
-    """Quaternion products a b, (..., 4)."""
-    s, v, t, w = a[..., :1], a[..., 1:], b[..., :1], b[..., 1:]
-    return np.concatenate([s * t - (v * w).sum(axis=-1, keepdims=True), s * w + t * v + np.cross(v, w)], axis=-1)
-
-
-def rotations(quats: Array) -> Array:
-    """R (..., 3, 3), body to world, of unit quaternions (..., 4)."""
-    w, x, y, z = np.moveaxis(quats, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 def turn_slopes(a: Array, b: Array, by_a: Array, by_b: Array) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from fzcli.model.collision import many
 from fzcli.plan.detour_planner import Attempt, certified
 from fzcli.plan.joint_path import Detour, JointPath
 from fzcli.plan.plan_spec import PaperPlannerSpec, PlanRun
+from fzcli.plan.quaternions import rotations
 from fzcli.plan.scene import Obstacle
 from fzcli.plan.world import World
 
@@ -57,9 +58,7 @@ def gripper_clearance(world: World, path: JointPath, times: Array) -> Array:
     q, _, _ = path.at(times)
     tips = many(world.model.function("arm"), q)[0].reshape(len(times), -1, 3)[:, -1]
     position, quat = world.base(path, times)
-    from scipy.spatial.transform import Rotation
-
-    tips = position + Rotation.from_quat(quat[:, [1, 2, 3, 0]]).apply(tips)
+    tips = position + np.einsum("tij,tj->ti", rotations(quat), tips)
     found = [_from_point(one, tips, times) for one in world.scene.obstacles]
     return np.min(found, axis=0) if found else np.full(len(times), np.inf)
 

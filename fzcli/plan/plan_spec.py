@@ -7,6 +7,7 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from fzcli.learn.neural_inverse import NeuralIkSpec
+from fzcli.model.collision import quaternion_from_rpy
 from fzcli.plan.online_spec import ExecutionSpec
 from fzcli.plan.scene import Obstacle, doubled_names
 from fzcli.plan.time_laws.registry import TimeLawName
@@ -29,10 +30,8 @@ class PlanStart(SpecModel):
     @property
     def base_quat(self) -> tuple[float, float, float, float]:
         """The base's attitude w, x, y, z, body to world."""
-        from scipy.spatial.transform import Rotation
-
-        x, y, z, w = Rotation.from_euler("xyz", self.base_rpy).as_quat()
-        return (float(w), float(x), float(y), float(z))
+        w, x, y, z = quaternion_from_rpy(self.base_rpy).tolist()
+        return (w, x, y, z)
 
 
 class PoseGoal(SpecModel):

@@ -15,9 +15,10 @@ from fzcli.plan.neural_goal import NeuralGoal, neural_goal
 from fzcli.plan.plan_spec import PlanRun, PoseGoal
 from fzcli.plan.planar_spec import PlanarRun
 from fzcli.plan.planners import stages_of
+from fzcli.plan.quaternions import rotations
 from fzcli.plan.scene import build_scene
 from fzcli.plan.task import MET, AnyTask, Task, rotation_of
-from fzcli.plan.world import World, build_world, rotation
+from fzcli.plan.world import World, build_world
 from fzcli.spec.robot import Robot
 from fzcli.spec.tool import with_tool
 
@@ -134,7 +135,7 @@ def _unreachable(task: Task, nearest: list, tip: str) -> Problem:  # type: ignor
 
 def _seen(task: Task, pose: PoseGoal) -> tuple[Array, Array | None]:
     """A pose in the world from the base at the start."""
-    R = rotation(task.world.base_quat)
+    R = rotations(task.world.base_quat)
     position = R.T @ (np.array(pose.position) - task.world.base_position)
     return position, None if pose.rpy is None else R.T @ rotation_of(pose)
 

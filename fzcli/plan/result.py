@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fzcli.model.algebra import cross, rotate
 from fzcli.model.attitude import rotation_matrix
 from fzcli.model.collision import many
-from fzcli.plan import neural_goal
+from fzcli.plan import neural_goal, quaternions
 from fzcli.plan.detour_planner import Attempt
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.peaks import limit_excess, peak_times
@@ -213,11 +213,9 @@ def _quaternions(rotations: Array) -> Array:
 
 def _arm(task: Task, tip: str, q: Array, position: Array, quat: Array) -> Array:
     """The polyline in the world of the arm that carries a tip, (T, 3 k), point after point."""
-    from scipy.spatial.transform import Rotation
-
     own = many(task.model.function("arm", tip), q)[0]
     points = own.reshape(len(q), -1, 3)
-    turn = Rotation.from_quat(quat[:, [1, 2, 3, 0]]).as_matrix()
+    turn = quaternions.rotations(quat)
     return np.asarray((np.einsum("tij,tkj->tki", turn, points) + position[:, None, :]).reshape(len(q), -1))
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, model_validator
 
 from fzcli.model.collision import NUMBERS, ObstacleKind, obstacle_numbers
+from fzcli.plan.quaternions import exponential, product, rotations
 from fzcli.spec.base import SpecModel
 from fzcli.spec.shapes import BoxShape, CapsuleShape, Point, Shape
 from fzcli.spec.units import AngularSpeed, Duration, Length, Speed
@@ -120,36 +121,21 @@ class Obstacle(Shape):
         t = np.asarray(times, dtype=np.float64)
         found = np.tile(obstacle_numbers(self), (len(t), 1))
         shift = self.position(t) - self.middle
-        turns = np.array([turn_by(np.array(self.spin) * time) for time in t]) if any(self.spin) else None
-        if self.kind == "capsule":
-            half = found[0, 3:6] - self.middle
-            arms = np.tile(half, (len(t), 1)) if turns is None else turns @ half
-            center = self.middle + shift
-            found[:, :3], found[:, 3:6] = center - arms, center + arms
+        if self.kind != "capsule":
+            found[:, :3] += shift
+            if self.kind == "box" and any(self.spin):
+                found[:, 3:7] = product(self._turns(t), found[:, 3:7])
             return found
-        found[:, :3] += shift
-        if self.kind == "box" and turns is not None:
-            found[:, 3:7] = [product(half_turn(np.array(self.spin) * time), found[0, 3:7]) for time in t]
+        arms = found[:, 3:6] - self.middle
+        if any(self.spin):
+            arms = np.einsum("tij,tj->ti", rotations(self._turns(t)), arms)
+        center = self.middle + shift
+        found[:, :3], found[:, 3:6] = center - arms, center + arms
         return found
 
-
-def half_turn(vector: Array) -> Array:
-    """The quaternion (4) w x y z of a rotation vector (3) [rad]."""
-    angle = float(np.linalg.norm(vector))
-    return np.array([np.cos(angle / 2), *(0.5 * np.sinc(angle / (2 * np.pi)) * vector)])
-
-
-def product(a: Array, b: Array) -> Array:
-    """The quaternion product a b, (4)."""
-    w, v = a[0] * b[0] - a[1:] @ b[1:], a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
-    return np.array([w, *v])
-
-
-def turn_by(vector: Array) -> Array:
-    """The rotation matrix (3, 3) of a rotation vector (3) [rad]."""
-    w, x, y, z = half_turn(vector)
-    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + 2 * w * skew + 2 * skew @ skew)
+    def _turns(self, times: Array) -> Array:
+        """By how much it has turned, quaternions (T, 4)."""
+        return exponential(times[:, None] * np.array(self.spin))
 
 
 @dataclass(frozen=True)

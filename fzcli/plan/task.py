@@ -10,7 +10,7 @@ from fzcli.errors import Problem, SpecError
 from fzcli.model import RobotModel
 from fzcli.plan.built import goal_solver_of
 from fzcli.plan.continuous import PathClearance
-from fzcli.plan.detour_planner import Attempt, certified, keeps, stretched
+from fzcli.plan.detour_planner import EXACT, Attempt, certified, keeps, stretched
 from fzcli.plan.detour_search import FINE
 from fzcli.plan.inertial_goal import Departure, PathLaw, path_law
 from fzcli.plan.joint_path import JointPath, fastest, law_values
@@ -150,7 +150,7 @@ def meeting(task: Task, attempt: Attempt) -> tuple[Attempt | None, Array | None]
     moved = replace(path, travel=end.q - path.start)
     moved = stretched(moved, task.speeds, task.accelerations) if task.spec.stretch else moved
     q, _, _ = moved.at(np.linspace(0.0, moved.duration, FINE))
-    if max(float((low - q).max()), float((q - high).max())) > 0:
+    if max(float((low - q).max()), float((q - high).max())) > EXACT:
         return None, end.q
     clearance = keeps(task.world, moved, task.spec.margin)
     return (None if clearance is None else replace(attempt, path=moved, clearance=clearance)), end.q

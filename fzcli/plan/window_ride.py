@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from fzcli.model.collision import many
 from fzcli.model.gauss_magnus import COMMUTATOR, NODES
-from fzcli.plan.base_ride import base_rate, build_ride, carried, rate_slopes, rotations, turn_slopes
+from fzcli.plan.base_ride import base_rate, build_ride, carried, rate_slopes, turn_slopes
 from fzcli.plan.half_cycloid import PEAK, bump, bump_rate, window_phase
 from fzcli.plan.joint_path import JointPath
+from fzcli.plan.quaternions import rotations
 from fzcli.plan.world import World
 
 Array = NDArray[np.float64]

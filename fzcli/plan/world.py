@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.model import RobotModel
-from fzcli.model.attitude import rotation_matrix
 from fzcli.model.collision import Clearance, Pair, SelfPairs, build_clearance, many, self_pairs, turned_by
 from fzcli.plan.base_ride import Path, build_ride
 from fzcli.plan.built import part_of
 from fzcli.plan.continuous import Motion, PathClearance, path_clearance
 from fzcli.plan.scene import Scene
 
-__all__ = ["AnyWorld", "Path", "World", "build_world", "rotation"]
+__all__ = ["AnyWorld", "Path", "World", "build_world"]
 
 Array = NDArray[np.float64]
 
@@ -195,11 +194,6 @@ def build_world(
 
     clearance = part_of(model, ("clearance", scene.kinds, scene.names), build)
     return World(model, scene, clearance, np.array(base_position, float), np.array(base_quat, float))
-
-
-def rotation(quat: Array) -> Array:
-    """R (3, 3) of a unit quaternion (4)."""
-    return np.array(ca.evalf(rotation_matrix(ca.SX(ca.DM(quat)))))
 
 
 def _column(values: ca.DM) -> Array:

@@ -166,31 +166,19 @@ class MotionFile(SpecModel):
             raise ValueError(f"lower limit must be below the upper one, got {shown(list(value))}")
         return (lower, upper)
 
-    @field_validator("speed", mode="before")
+    @field_validator("speed", "effort", mode="before")
     @classmethod
-    def _speed(cls, value: Any, info: ValidationInfo) -> Any:
+    def _limit(cls, value: Any, info: ValidationInfo) -> Any:
         kind = info.data.get("type")
         if value is None or kind is None:
             return value
+        turning, sliding = ("angular speed", "speed") if info.field_name == "speed" else ("torque", "force")
         if kind == "fixed":
-            raise ValueError("a fixed joint has no speed limit")
-        speed = quantity(value, "speed" if kind == "prismatic" else "angular speed")
-        if speed <= 0:
+            raise ValueError(f"a fixed joint has no {turning.removeprefix('angular ')} limit")
+        limit = quantity(value, sliding if kind == "prismatic" else turning)
+        if limit <= 0:
             raise ValueError(f"must be > 0, got {shown(value)}")
-        return speed
-
-    @field_validator("effort", mode="before")
-    @classmethod
-    def _effort(cls, value: Any, info: ValidationInfo) -> Any:
-        kind = info.data.get("type")
-        if value is None or kind is None:
-            return value
-        if kind == "fixed":
-            raise ValueError("a fixed joint has no torque limit")
-        effort = quantity(value, "force" if kind == "prismatic" else "torque")
-        if effort <= 0:
-            raise ValueError(f"must be > 0, got {shown(value)}")
-        return effort
+        return limit
 
     @field_validator("friction")
     @classmethod

@@ -21,10 +21,10 @@ from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.reader import dump
 from fzcli.spec.result import STATUS_NAMES, Provenance
+from fzcli.sweep.crashed import note_crashed
 from fzcli.sweep.kept_runs import Chosen, marked, records_of
 from fzcli.sweep.layout import Piece
 from fzcli.sweep.plan_sweep import PlanDrawing, PlanSweep
-from fzcli.sweep.simulations import CRASHED
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]
@@ -86,9 +86,7 @@ class Plans:
                     progress(1)
         columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in INFO}
         info = dict(INFO)
-        if skip:
-            columns["crashed"], info["crashed"] = np.zeros(piece.runs), CRASHED
-            columns["crashed"][list(skip)] = 1.0
+        note_crashed(columns, info, piece.runs, skip)
         status = np.array([row["status"] for row in rows], dtype=np.int8)
         records = records_of(self.sweep)
         chosen = marked([records[c] for c in piece.configs], self.sweep.file.trajectories.first, piece, status, skip)

@@ -17,7 +17,7 @@ from fzcli.sweep.builds import split
 from fzcli.sweep.checks import check_expected, check_one_source
 from fzcli.sweep.draws import candidate, generator, sources
 from fzcli.sweep.own_section import OwnSection, own_section
-from fzcli.sweep.resolve import Drawn, configurations_of, draws_of, first_with, plain, sample_of, with_values
+from fzcli.sweep.resolve import Drawn, configurations_of, plain, resolved_runs, with_values
 from fzcli.sweep.scene_spec import SceneDraw
 from fzcli.sweep.scenes import draw_scene
 from fzcli.sweep.sweep_spec import OWN_KEYS, SweepFile, Trajectories
@@ -100,26 +100,13 @@ def resolve_plans(document: Document, sets: Sequence[str] = ()) -> PlanSweep:
     if problems:
         raise SpecError(problems)
     check_expected(document, own, configurations)
-    low, kinds = sample_of(document, own, 0), _planner_kinds(base, configurations)
+    kinds = _planner_kinds(base, configurations)
 
     def make(one: Document) -> PlanRun:
         return plan_of(fitted(_standing_in(one) if own.file.scenes else one, kinds))
 
-    specs: list[PlanRun] = []
-    for configuration in configurations:
-        try:
-            specs.append(make(overlaid(base, {**low, **configuration})))
-        except SpecError as error:
-            problems += [problem for problem in error.problems if problem not in problems]
-    if problems:
-        raise SpecError(problems)
-    changes = [{path: plain(value) for path, value in entry.items()} for entry in configurations]
-    draws = tuple(
-        one
-        for path in sorted(own.file.trajectories.draw)
-        for one in draws_of(document, own, base, path, *first_with(path, configurations, specs), make)
-    )
-    return PlanSweep(own.file, document, changes, specs, draws)
+    specs, draws = resolved_runs(document, own, base, configurations, make)
+    return PlanSweep(own.file, document, plain(configurations), specs, draws)
 
 
 def _misplaced(document: Document, own: OwnSection, configurations: list[dict[str, Node]]) -> Iterator[Problem]:

@@ -72,26 +72,36 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     check_controller_keys(base, kinds)
     check_changed_keys(document, own, kinds)
     check_expected(document, own, configurations)
-    low = sample_of(document, own, 0)
-    specs: list[SimulateRun] = []
+    specs, draws = resolved_runs(document, own, base, configurations, _run)
+    keep = None
+    if own.keep_if_changes is not None:
+        tried = overlaid(base, {**_sample_of(document, own, 0), **own.keep_if_changes})
+        keep = _run(without(tried, ["replay"]))
+    return Sweep(own.file, document, plain(configurations), specs, draws, keep)
+
+
+def resolved_runs(
+    document: Document,
+    own: OwnSection,
+    base: Document,
+    configurations: list[dict[str, Node]],
+    make: Callable[[Document], Run],
+) -> tuple[list[Run], tuple[Drawn, ...]]:
+    """The run spec of each configuration, and what is drawn for it. Raises SpecError with every problem found."""
+    low = _sample_of(document, own, 0)
+    specs: list[Run] = []
     problems: list[Problem] = []
     for configuration in configurations:
         try:
-            specs.append(_run(overlaid(base, {**low, **configuration})))
+            specs.append(make(overlaid(base, {**low, **configuration})))
         except SpecError as error:
             problems += [problem for problem in error.problems if problem not in problems]
     if problems:
         raise SpecError(problems)
-    changes = [{path: plain(value) for path, value in entry.items()} for entry in configurations]
-    draws = tuple(
-        one
-        for path in sorted(own.file.trajectories.draw)
-        for one in draws_of(document, own, base, path, *first_with(path, configurations, specs), _run)
+    paths = sorted(own.file.trajectories.draw)
+    return specs, tuple(
+        _draw_of(document, own, base, path, *_first_with(path, configurations, specs), make) for path in paths
     )
-    keep = None
-    if own.keep_if_changes is not None:
-        keep = _run(without(overlaid(base, {**low, **own.keep_if_changes}), ["replay"]))
-    return Sweep(own.file, document, changes, specs, draws, keep)
 
 
 def configurations_of(document: Document, own: OwnSection) -> list[dict[str, Node]]:
@@ -123,7 +133,7 @@ def _kinds(base: Document, configurations: Sequence[Mapping[str, Node] | None]) 
     return {kind for kind in kinds if kind in controllers()}
 
 
-def sample_of(document: Document, own: OwnSection, which: int) -> dict[str, Node]:
+def _sample_of(document: Document, own: OwnSection, which: int) -> dict[str, Node]:
     """A value for every drawn field, out of its distribution's own numbers: entry ``which``."""
     found: dict[str, Node] = {}
     for path, draw in own.file.trajectories.draw.items():
@@ -140,7 +150,7 @@ def _run(document: Document) -> SimulateRun:
     return run_of(fitted(document))
 
 
-def first_with(
+def _first_with(
     path: str, configurations: list[dict[str, Node]], specs: Sequence[Run]
 ) -> tuple[dict[str, Node], Run]:
     """The first configuration that has the field, else the first of all."""
@@ -153,7 +163,7 @@ def first_with(
     return configurations[0], specs[0]
 
 
-def draws_of(
+def _draw_of(
     document: Document,
     own: OwnSection,
     base: Document,
@@ -161,15 +171,15 @@ def draws_of(
     first: dict[str, Node],
     low_spec: Run,
     make: Callable[[Document], Run],
-) -> tuple[Drawn, ...]:
-    """Numbers of the distributions in SI, taken from specs in which they stand as the field's value."""
+) -> Drawn:
+    """Numbers of a distribution in SI, taken from specs in which they stand as the field's value."""
     draws = own.file.trajectories.draw
     numbers = draws[path].numbers
     most = len(numbers) if isinstance(numbers, list) else 1
     specs = [low_spec]
     for which in range(1, most):
-        specs.append(make(overlaid(base, {**sample_of(document, own, which), **first})))
-    return (_drawn(document, path, draws[path], specs),)
+        specs.append(make(overlaid(base, {**_sample_of(document, own, which), **first})))
+    return _drawn(document, path, draws[path], specs)
 
 
 def _drawn(document: Document, path: str, draw: Draw, specs: Sequence[SpecModel]) -> Drawn:
@@ -202,8 +212,9 @@ def _shown(values: Array) -> str:
     return ", ".join(f"{value:g}" for value in values)
 
 
-def plain(value: Node) -> Any:
-    return value.value
+def plain(configurations: list[dict[str, Node]]) -> list[dict[str, Any]]:
+    """The changes of each configuration as written."""
+    return [{path: value.value for path, value in entry.items()} for entry in configurations]
 
 
 def with_values(spec: Run, drawn: Mapping[str, Array]) -> Run:

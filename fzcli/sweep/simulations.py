@@ -21,6 +21,7 @@ from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.result import STATUS_NAMES
 from fzcli.sweep.builds import Build, Builds, Rows, rows_of, split
+from fzcli.sweep.crashed import note_crashed
 from fzcli.sweep.kept_runs import UNSAID, Chosen, marked
 from fzcli.sweep.layout import Piece
 from fzcli.sweep.resolve import Sweep
@@ -29,7 +30,6 @@ from fzcli.sweep.trajectories import draw_trajectories
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]
-CRASHED = Signal("crashed", "1", "the run ended its process; it has no numbers", truth=True)
 
 
 class Simulations:
@@ -74,9 +74,7 @@ class Simulations:
         columns, status = self._roll_out(piece, every, skip, progress)
         loops = list({id(rows.build): rows.build.loop for rows in every}.values())
         info = _metric_info(loops)
-        if skip:
-            columns["crashed"], info["crashed"] = np.zeros(piece.runs), CRASHED
-            columns["crashed"][list(skip)] = 1.0
+        note_crashed(columns, info, piece.runs, skip)
         record = [self.sweep.specs[config].record for config in piece.configs]
         chosen = marked(record, self.sweep.file.trajectories.first, piece, status, skip)
         return Shard(

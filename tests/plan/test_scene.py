@@ -8,7 +8,8 @@ from pydantic import TypeAdapter
 
 from fzcli.errors import SpecError
 from fzcli.model.collision import obstacle_numbers, quaternion_from_rpy
-from fzcli.plan.scene import Obstacle, build_scene, half_turn, turn_by
+from fzcli.plan.quaternions import exponential, product, rotations
+from fzcli.plan.scene import Obstacle, build_scene
 from fzcli.spec.parse import parse
 from fzcli.spec.physics import rotation_of
 from fzcli.spec.reader import read_text
@@ -80,8 +81,12 @@ def test_rotations_agree() -> None:
         w, x, y, z = quaternion_from_rpy(rpy)
         skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
         np.testing.assert_allclose(np.eye(3) + 2 * w * skew + 2 * skew @ skew, rotation_of(rpy), atol=1e-14)
-    np.testing.assert_allclose(turn_by(np.array([0, 0, np.pi / 2])), rotation_of((0, 0, np.pi / 2)), atol=1e-15)
-    np.testing.assert_allclose(half_turn(np.zeros(3)), [1, 0, 0, 0])
+        np.testing.assert_allclose(rotations(np.array([w, x, y, z])), rotation_of(rpy), atol=1e-14)
+    quarter = exponential(np.array([[0, 0, np.pi / 2], [0, 0, 0]]))
+    np.testing.assert_allclose(rotations(quarter)[0], rotation_of((0, 0, np.pi / 2)), atol=1e-15)
+    np.testing.assert_allclose(quarter[1], [1, 0, 0, 0])
+    one, other = exponential(rng.normal(size=(2, 9, 3)))
+    np.testing.assert_allclose(rotations(product(one, other)), rotations(one) @ rotations(other), atol=1e-14)
 
 
 def test_an_empty_scene() -> None:
