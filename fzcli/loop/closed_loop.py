@@ -112,8 +112,8 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
     moving = _held_over_the_step(parts, plant_state, derivative, sample.command, at, L)
     certifier = Certifier.of(parts, plant_state, derivative, moving, previous, L, sample.signals)
     goal = _arrival(parts, symbols, plant_state, previous, sample, count)
-    metrics = (*(goal.metrics if goal else ()), *law.metrics)
-    totals = Accumulators.of(metrics, {**sample.signals, **(goal.reduced if goal else {})}, count)
+    metrics = (*goal.metrics, *law.metrics)
+    totals = Accumulators.of(metrics, {**sample.signals, **goal.reduced}, count)
     state = ca.vertcat(plant_state, memory, previous, certifier.memory, totals.symbols, count)
     following = ca.vertcat(
         parts.plant.advance(plant_state, moving, parts.dt),
@@ -125,21 +125,16 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
     )
     signals: dict[Signal, ca.SX] = {}
     if record:
-        com, velocity = _com(parts, symbols, count)
-        signals = state_signals(parts, plant_state, derivative, com, velocity)
-        signals.update(goal.signals if goal else {})
-        signals.update({signal: sample.signals[signal.name] for signal in law.signals})
-    stop = stop_code(parts, plant_state, moving, goal.arrived if goal else ca.SX(0), sample.asks)
+        signals = state_signals(parts, plant_state, derivative, *_com(parts, symbols, count))
+        signals |= goal.signals | {signal: sample.signals[signal.name] for signal in law.signals}
+    stop = stop_code(parts, plant_state, moving, goal.arrived, sample.asks)
     held = {"state": state, "constants": ca.vertcat(*symbols.values())}
     given = {"parameters": layout.vector}
     first = ca.vertcat(start, certifier.memory0, totals.first, 0)
     seconds = parts.reference.duration(layout.of_part(parts.reference.parameters))
+    inputs = {**held, "history": history, **({"turned": turned} if law.inner else {})}
     outputs = {"state_next": following, "samples": sample.samples, "stop": stop}
-    step = _function(
-        "closed_loop_step",
-        {**held, "history": history, **({"turned": turned} if law.inner else {})},
-        {**outputs, "signals": ca.vertcat(*signals.values())},
-    )
+    step = _function("closed_loop_step", inputs, {**outputs, "signals": ca.vertcat(*signals.values())})
     if law.inner is not None:
         step = _with_inner_loop(step, _function("before", held, list(law.inner.before(*sample.arguments))), law)
     return ClosedLoop(
@@ -179,10 +174,10 @@ def _arrival(
     previous: ca.SX,
     sample: _Sample,
     count: ca.SX,
-) -> Arrival | None:
-    """What is left to the target, where the reference is one."""
+) -> Arrival:
+    """What is left to the target, where the reference is one; nothing elsewhere."""
     if not parts.reference.aim:
-        return None
+        return Arrival(ca.SX(0), {}, {}, ())
     named = dict(zip(LawInputs.__dataclass_fields__, sample.arguments, strict=True))
     target = Target(
         named["tip_position"], named["tip_velocity"], named["tip_quat"], _com(parts, symbols, count)[0]
