@@ -10,7 +10,8 @@ from fzcli.cli.guard import emit, guarded, say
 from fzcli.cli.options import QuietOption, RunArgument, SetOption
 
 if TYPE_CHECKING:
-    from fzcli.sweep.tuning import Score, Tuned
+    from fzcli.sweep.tune_scores import Score
+    from fzcli.sweep.tuning import Tuned
 
 
 @guarded
@@ -61,6 +62,10 @@ def _text(found: "Tuned", metric: str) -> str:
     ):
         if before is not None and after is not None:
             rows += _comparison(name, metric, before, after)
+    if found.held_out_change is not None and found.held_out_before is not None:
+        change, whole = found.held_out_change, found.held_out_before.mean
+        share = f" ({100 * change.mean / whole:+.1f} +- {100 * change.error / whole:.1f} %)" if whole else ""
+        rows.append(("held out: change, standard error in pairs", f"{change.mean:.3g} +- {change.error:.2g}{share}"))
     rows.append(("candidates", str(found.evaluations)))
     width = max(len(name) for name, _ in rows)
     return "".join(f"{name:<{width}}  {value}\n" for name, value in rows)

@@ -3,7 +3,16 @@
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 
-from fzcli.control import clik, dls, fabrik, fuzzy_clik, reaction_null_space, unconstrained
+from fzcli.control import (
+    clik,
+    dls,
+    fabrik,
+    fuzzy_clik,
+    fuzzy_task_priority,
+    reaction_null_space,
+    task_priority,
+    unconstrained,
+)
 from fzcli.control.law import Controller
 from fzcli.errors import UsageError
 
@@ -13,6 +22,8 @@ _OWN = (
     Controller(unconstrained.UnconstrainedSpec, unconstrained.build),
     Controller(clik.ClikSpec, clik.build),
     Controller(fuzzy_clik.FuzzyClikSpec, fuzzy_clik.build),
+    Controller(task_priority.TaskPrioritySpec, task_priority.build),
+    Controller(fuzzy_task_priority.FuzzyTaskPrioritySpec, fuzzy_task_priority.build),
     Controller(fabrik.FabrikSpec, fabrik.build, fabrik.misfits),
     Controller(dls.DlsSpec, dls.build, dls.misfits),
     Controller(reaction_null_space.ReactionNullSpaceSpec, reaction_null_space.build, reaction_null_space.misfits),

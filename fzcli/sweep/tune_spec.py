@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from fzcli.errors import SpecError
+from fzcli.loop.run_spec import SimulateRun
 from fzcli.spec.base import SpecModel
-from fzcli.spec.document import Document
+from fzcli.spec.document import Document, Node
 from fzcli.spec.load import check_kind
 from fzcli.spec.overlay import overlaid, without
 from fzcli.spec.parse import parse
@@ -59,8 +60,16 @@ class TuneSection(SpecModel):
     minimise: Annotated[str, Field(description="metric whose mean over all runs is made small")]
     lost: Annotated[
         str | None,
-        Field(description="what makes a run count as lost; no more may be than with the file's own numbers"),
+        Field(description="what makes a run count as lost; no more may be than of the baseline"),
     ] = None
+    baseline: Annotated[
+        dict[str, Any] | None,
+        Field(description="changes to the run that make what it is compared with; by default the file's own numbers"),
+    ] = None
+    margin: Annotated[
+        float,
+        Field(ge=0, lt=1, description="share of the baseline's lost runs left free, for trajectories not seen"),
+    ] = 0.0
     held_out: Annotated[float, Field(ge=0, le=0.9, description="share of the trajectories that judge it")] = 0.5
     candidates: Annotated[int, Field(ge=5, description="of a generation")] = 24
     generations: Annotated[int, Field(ge=0)] = 20
@@ -82,11 +91,15 @@ class TuneFile(SpecModel):
 
 @dataclass(frozen=True)
 class Tuning:
-    """A tuning, resolved: the sweep that candidates run, and what is varied in it."""
+    """A tuning, resolved: the sweep that candidates run, what is varied in it, and what it is compared with.
+
+    ``baseline`` is empty where that is the file's own numbers.
+    """
 
     sweep: Sweep
     section: TuneSection
     document: Document
+    baseline: tuple[SimulateRun, ...] = ()
     kind: Literal["tune"] = "tune"
 
 
@@ -97,6 +110,7 @@ def resolve_tuning(document: Document, sets: tuple[str, ...] = ()) -> Tuning:
     others = [key for key in document.value if key != "tune"]
     section = parse(without(document, others), TuneFile).tune
     sweep = resolve(overlaid(without(document, ["tune"]), {"kind": "sweep"}))
+    baseline = _baseline(document, section)
     problems = []
     for path, vary in section.vary.items():
         wrong = _unfit(sweep, path, vary)
@@ -104,7 +118,19 @@ def resolve_tuning(document: Document, sets: tuple[str, ...] = ()) -> Tuning:
             problems.append(document.problem(wrong, ("tune", "vary", path), at_key=True))
     if problems:
         raise SpecError(problems)
-    return Tuning(sweep, section, document)
+    return Tuning(sweep, section, document, baseline)
+
+
+def _baseline(document: Document, section: TuneSection) -> tuple[SimulateRun, ...]:
+    """The runs that the changes of ``tune.baseline`` make, without the sweep's own configurations."""
+    if not section.baseline:
+        return ()
+    plain = without(document, ["tune", "grid", "zip", "list"])
+    changes = {path: document.node(("tune", "baseline", path)) for path in section.baseline}
+    source = document.root.source
+    listed = Node(source, content=[Node(source, content=changes)])
+    whole = overlaid(plain, {"kind": "sweep", "list": listed})
+    return tuple(resolve(whole).specs)
 
 
 def _unfit(sweep: Sweep, path: str, vary: Vary) -> str:

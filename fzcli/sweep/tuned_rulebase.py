@@ -7,8 +7,9 @@ from typing import Any
 from fzcli.record.hdf5 import replacing
 from fzcli.spec.reader import dump
 from fzcli.spec.rulebase import Input, Output, Rulebase
+from fzcli.sweep.tune_scores import Score
 from fzcli.sweep.tune_spec import Tuning
-from fzcli.sweep.tuning import Score, Tuned
+from fzcli.sweep.tuning import Tuned
 from fzcli.sweep.vary import changed
 
 FIELD = "controller.rulebase"
@@ -26,6 +27,9 @@ def write_rulebase(tuning: Tuning, found: Tuned, path: Path, argv: Sequence[str]
     place = path.with_name(f"{path.stem}-rulebase.yaml")
     lines = [f"Tuned from {rulebase.name or 'a rule base'} by: {' '.join(argv)}"]
     lines += [f"{field}: {value:g}" for field, value in found.values.items()]
+    if tuning.section.baseline:
+        changes = ", ".join(f"{path}: {value}" for path, value in tuning.section.baseline.items())
+        lines.append(f"Compared with {changes}.")
     lines += list(_told(tuning.section.minimise, found))
     lines.append(f"Seed {found.seed}, {found.evaluations} candidates; tuning {found.identity}.")
     text = _HEAD + "".join(f"# {line}\n" for line in lines) + dump(_written(rulebase))

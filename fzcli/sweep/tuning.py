@@ -13,7 +13,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +22,7 @@ from fzcli.loop.assemble import closed_loop
 from fzcli.loop.events import make_engine
 from fzcli.loop.file_lock import HeldError, locked
 from fzcli.loop.reductions import seen
+from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.versions import versions
 from fzcli.model import RobotModel, build_model
 from fzcli.record.hdf5 import replacing
@@ -32,6 +32,7 @@ from fzcli.sweep.builds import Builds, rows_of
 from fzcli.sweep.meaning import SHORT, meaning_of
 from fzcli.sweep.sweep_spec import Condition
 from fzcli.sweep.trajectories import draw_trajectories
+from fzcli.sweep.tune_scores import Change, Runs, Score, append, joined, read_journal
 from fzcli.sweep.tune_spec import Tuning
 from fzcli.sweep.vary import changed, rounded
 
@@ -42,17 +43,11 @@ COMPARE = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_
 
 
 @dataclass(frozen=True)
-class Score:
-    """Of a candidate: the mean of the metric over runs that have it, runs that are lost, and all runs."""
-
-    mean: float
-    lost: int
-    runs: int
-
-
-@dataclass(frozen=True)
 class Tuned:
-    """The best candidate, and how it and the file's own numbers do where it was sought and where it was not."""
+    """The best candidate, and how it and what it is compared with do where it was sought and where it was not.
+
+    ``before`` is the baseline: the file's own numbers, where it names no other.
+    """
 
     identity: str
     values: dict[str, float]
@@ -60,6 +55,7 @@ class Tuned:
     after: Score
     held_out_before: Score | None
     held_out_after: Score | None
+    held_out_change: Change | None
     evaluations: int
     seed: int
     versions: dict[str, str]
@@ -74,7 +70,8 @@ class Tuned:
         data = json.loads(text)
         for name in ("before", "after", "held_out_before", "held_out_after"):
             data[name] = None if data[name] is None else Score(**data[name])
-        return Tuned(**data)
+        change = data["held_out_change"]
+        return Tuned(**{**data, "held_out_change": None if change is None else Change(**change)})
 
 
 def identity_of(tuning: Tuning) -> str:
@@ -123,7 +120,7 @@ class _Search:
         self.stop = stop or (lambda: False)
         self.model: RobotModel = build_model(self.sweep.specs[0].robot)
         self.builds = Builds(self.model, partial(make_engine, folder=scratch))  # of the file's own numbers
-        self.known = _read(journal)
+        self.known = read_journal(journal)
         self._check()
         count = self.sweep.file.trajectories.count
         self.seen = range(max(1, count - int(count * self.section.held_out)))
@@ -136,9 +133,10 @@ class _Search:
 
         for spec in self.sweep.specs:
             self.builds.of(spec).engine(record=False)
-        own = self._score((), self.seen)
+        own = self._baseline(self.seen).score
         generations, ways = self.section.generations, list(self.section.vary.values())
-        self.allowed, self.unit = own.lost, own.mean
+        share = len(self.sweep.specs) * len(self.seen) / own.runs * (1.0 - self.section.margin)
+        self.allowed, self.unit = math.floor(own.lost * share + 1e-9), own.mean
         bounds = [(math.log(v.low), math.log(v.high)) if v.logarithmic else (v.low, v.high) for v in ways]
         found = differential_evolution(
             lambda x: self._costs(np.atleast_2d(x.T)),
@@ -153,13 +151,15 @@ class _Search:
         )
         values = self._values(found.x)
         rest = range(len(self.seen), len(self.drawn))
+        judge, judged = (self._baseline(rest), self._runs(values, rest)) if rest else (None, None)
         return Tuned(
             identity=identity,
             values=dict(zip(self.section.vary, values, strict=True)),
             before=own,
             after=self._score(values, self.seen),
-            held_out_before=self._score((), rest) if rest else None,
-            held_out_after=self._score(values, rest) if rest else None,
+            held_out_before=judge.score if judge else None,
+            held_out_after=judged.score if judged else None,
+            held_out_change=judged.change_from(judge) if judge and judged else None,
             evaluations=len(self.known),
             seed=self.section.seed,
             versions=dict(versions()),
@@ -191,7 +191,7 @@ class _Search:
                     done = f"{len(self.known)} candidates are tried, of about {total}"
                     raise UnfinishedError(f"stopped; {done}, in {self.journal}")
                 self.known[values] = score
-                _append(self.journal, values, score)
+                append(self.journal, values, score)
                 self.tell("tuning", len(self.known), total)
         return np.array([self._cost(self.known[values]) for values in every])
 
@@ -205,25 +205,33 @@ class _Search:
         return score.mean + self.unit * max(0, score.lost - self.allowed)
 
     def _score(self, values: tuple[float, ...], part: range) -> Score:
-        """Run all configurations on some trajectories, with these values, or the file's own where there are none."""
-        means, lost, runs = [], 0, 0
-        for spec in self.sweep.specs:
-            run = changed(spec, self.section.vary, values) if values else spec
-            try:
-                columns = None if run is None else self._metrics(run, part)
-            except SpecError:  # shapes that cross each other, for example
-                columns = None
-            runs += len(part)
-            if columns is None:
-                return Score(math.inf, runs, runs)
-            metric, gone = columns
-            means.append(metric[np.isfinite(metric)])
-            lost += int(gone.sum())
-        every = np.concatenate(means)
-        return Score(float(every.mean()) if len(every) else math.inf, lost, runs)
+        """Of a candidate; the worst there is where it makes no sense as a run."""
+        found = self._runs(values, part)
+        runs = len(self.sweep.specs) * len(part)
+        return Score(math.inf, runs, runs) if found is None else found.score
 
-    def _metrics(self, run: Any, part: range) -> tuple[Array, NDArray[np.bool_]]:
-        builds = Builds(self.model, partial(make_engine, folder=self.scratch), self.builds)
+    def _baseline(self, part: range) -> Runs:
+        """What the candidates are compared with."""
+        if not self.tuning.baseline:
+            return joined([self._metrics(spec, part, self.builds) for spec in self.sweep.specs])
+        builds = Builds(engine=partial(make_engine, folder=self.scratch))
+        return joined([self._metrics(spec, part, builds) for spec in self.tuning.baseline])
+
+    def _runs(self, values: tuple[float, ...], part: range) -> Runs | None:
+        """All configurations on some trajectories with these values; None where they make no sense as a run."""
+        every = []
+        for spec in self.sweep.specs:
+            run = changed(spec, self.section.vary, values)
+            if run is None:
+                return None
+            builds = Builds(self.model, partial(make_engine, folder=self.scratch), self.builds)
+            try:
+                every.append(self._metrics(run, part, builds))
+            except SpecError:  # shapes that cross each other, for example
+                return None
+        return joined(every)
+
+    def _metrics(self, run: SimulateRun, part: range, builds: Builds) -> tuple[Array, NDArray[np.bool_]]:
         metric, gone = np.full(len(part), np.nan), np.zeros(len(part), dtype=bool)
         condition = None if self.section.lost is None else Condition.of(self.section.lost)
         drawn = self.drawn[part.start : part.stop]
@@ -240,8 +248,9 @@ class _Search:
 
     def _check(self) -> None:
         """Raises SpecError where a metric is asked for that the run has not."""
-        loop = closed_loop(self.sweep.specs[0], record=False, model=self.model)
-        names = [metric.name for metric in loop.metrics]
+        specs = (self.sweep.specs[0], *self.tuning.baseline)
+        loops = [closed_loop(spec, record=False) for spec in specs]
+        names = [metric.name for metric in loops[0].metrics if all(metric in loop.metrics for loop in loops)]
         wanted = {"minimise": self.section.minimise}
         if self.section.lost is not None:
             wanted["lost"] = Condition.of(self.section.lost).metric
@@ -252,26 +261,3 @@ class _Search:
         ]
         if problems:
             raise SpecError(problems)
-
-
-def _read(journal: Path) -> dict[tuple[float, ...], Score]:
-    """What was found before; a line that was cut short does not count."""
-    known: dict[tuple[float, ...], Score] = {}
-    try:
-        lines = journal.read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return known
-    for line in lines:
-        try:
-            values, mean, lost, runs = json.loads(line)
-            known[tuple(values)] = Score(mean, lost, runs)
-        except (ValueError, TypeError):
-            continue
-    return known
-
-
-def _append(journal: Path, values: tuple[float, ...], score: Score) -> None:
-    with journal.open("a", encoding="utf-8") as file:
-        file.write("\n" + json.dumps([list(values), score.mean, score.lost, score.runs]))
-        file.flush()
-        os.fsync(file.fileno())

@@ -26,8 +26,9 @@ def _check_tuner(rollout: Rollout, axes: dict[str, str], limit: float = np.inf) 
         assert gain.max() <= limit
 
 
-def test_the_tuner_uses_the_gain_of_the_step_before() -> None:
-    rollout = simulate(run_spec(controller__kind="fuzzy_clik", controller__gain=10.0, duration=6.0))
+@pytest.mark.parametrize("kind", ["fuzzy_clik", "fuzzy_task_priority"])
+def test_the_tuner_uses_the_gain_of_the_step_before(kind: str) -> None:
+    rollout = simulate(run_spec(controller__kind=kind, controller__gain=10.0, duration=6.0))
     assert rollout.signals["gain"][0] == 10.0
     _check_tuner(rollout, {"yaw": ""})
 

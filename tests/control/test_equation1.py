@@ -83,8 +83,13 @@ def _constraint(x: dict[str, Array], W: Array, drift: Array, names: tuple[str, .
     return error, E @ W, x["base_rates"][picked] - E @ drift
 
 
-def equation1(oracle: NumpyReference, x: dict[str, Array], task: str, names: tuple[str, ...], gain: Array) -> Array:
-    """qd = J+ (Kp e + xd_d) + (E - J+ J) Jc^T (Kc ec + rate), momentum's drift taken off."""
+def joint_rates(
+    oracle: NumpyReference, x: dict[str, Array], task: str, names: tuple[str, ...], gain: Array, base_damping: float
+) -> Array:
+    """qd = J+ v + (E - J+ J) Jc^T (Kc ec + rate), v = Kp e + xd_d, momentum's drift taken off.
+
+    With ``base_damping``, by priority: J+ v + M^T (M M^T + base_damping E)^-1 (Kc ec + rate - Jc J+ v), M = Jc N.
+    """
     q, quat = x["q"], x["base_quat"]
     position, rotation = oracle.forward_kinematics(q, quat)
     drift = np.linalg.solve(oracle.system_inertia(q, quat), x["angular_momentum"])
@@ -93,8 +98,12 @@ def equation1(oracle: NumpyReference, x: dict[str, Array], task: str, names: tup
     wanted = np.concatenate([x["tip_velocity"] - np.cross(drift, position), x["tip_rate"] - drift])
     J_plus = J.T @ np.linalg.inv(J @ J.T + DAMPING * np.eye(len(J)))
     ec, Jc, rate = _constraint(x, oracle.base_rate_map(q, quat), drift, names)
-    secondary = Jc.T @ (gain * ec + rate) if len(gain) else np.zeros(len(q))
-    return J_plus @ (KP * error + wanted)[ROWS[task]] + (np.eye(len(q)) - J_plus @ J) @ secondary
+    first, N = J_plus @ (KP * error + wanted)[ROWS[task]], np.eye(len(q)) - J_plus @ J
+    if base_damping:
+        M = Jc @ N
+        left = gain * ec + rate - Jc @ first
+        return first + M.T @ np.linalg.solve(M @ M.T + base_damping * np.eye(len(M)), left)
+    return first + N @ (Jc.T @ (gain * ec + rate) if len(gain) else np.zeros(len(q)))
 
 
 def _evaluate(law: object, x: dict[str, Array], parameters: Array) -> dict[str, Array]:
@@ -121,15 +130,18 @@ def test_joint_rates_of_every_law(robot: str, task: str, names: tuple[str, ...])
         "clik": (common | {"gain": tuple(gains)}, gains),
         "fuzzy_clik": (common | {"gain": tuple(gains), "rulebase": load_rulebase("bulgarelli2011")}, gains),
     }
+    specs["task_priority"] = (specs["clik"][0] | {"base_damping": DAMPING}, gains)
+    specs["fuzzy_task_priority"] = (specs["fuzzy_clik"][0] | {"base_damping": DAMPING}, gains)
     for kind, (fields, gain) in specs.items():
-        if kind == "fuzzy_clik" and task != "position":
+        if kind.startswith("fuzzy") and task != "position":
             continue
+        base_damping = DAMPING if kind.endswith("priority") else 0.0
         entry = controllers()[kind]
         law = entry.build(model, entry.spec.model_validate(fields))
         for _ in range(4):
             x = _draw(model.n, rng)
-            result = _evaluate(law, x, np.concatenate([[KP], gain]))
-            expected = equation1(oracle, x, task, names, gain)
+            result = _evaluate(law, x, np.concatenate([[KP], gain, [base_damping] if base_damping else []]))
+            expected = joint_rates(oracle, x, task, names, gain, base_damping)
             scale = np.abs(expected).max()
             np.testing.assert_allclose(result["command"], expected, atol=1e-10 * scale, rtol=1e-9, err_msg=kind)
 

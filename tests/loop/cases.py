@@ -45,7 +45,7 @@ def raw_run(**changes: Any) -> dict[str, Any]:
         data["controller"].pop("gain", None)
     if kind in ("fabrik", "dls"):
         data["controller"].setdefault("task", "position")
-    if kind == "fuzzy_clik":
+    if kind in ("fuzzy_clik", "fuzzy_task_priority"):
         data["controller"].setdefault("rulebase", "bulgarelli2011")
     return data
 

@@ -13,7 +13,7 @@ from fzcli.spec.load import load_rulebase
 from fzcli.spec.reader import read
 from fzcli.sweep.tune_spec import Tuning, resolve_tuning
 from fzcli.sweep.tuned_rulebase import write_rulebase
-from fzcli.sweep.tuning import Tuned, tune_to
+from fzcli.sweep.tuning import Tuned, _Search, tune_to
 from fzcli.sweep.vary import changed
 from tests.loop.cases import raw_run
 
@@ -80,6 +80,35 @@ def test_numbers_of_a_rule_base_become_a_rule_base(tmp_path: Path) -> None:
     assert found.identity in head
 
 
+def test_a_baseline_is_another_run_on_the_same_trajectories(tmp_path: Path) -> None:
+    lost = {"lost": "tip_error_max > 1e-9"}  # all of them
+    own = tune_to(tuning(), tmp_path / "own.json")
+    other = tune_to(tuning({"baseline": {"controller.gain": 500}, **lost}), tmp_path / "other.json")
+    at_500 = {**raw_run(controller__gain=500.0)["controller"]}
+    alone = tune_to(tuning({"generations": 0, **lost}, controller=at_500), tmp_path / "alone.json")
+    assert (other.before, other.held_out_before) == (alone.before, alone.held_out_before)
+    assert other.before.mean < own.before.mean
+    assert other.before.lost == 3
+    change = other.held_out_change
+    assert change is not None
+    assert other.held_out_after is not None
+    assert other.held_out_before is not None
+    assert change.mean == pytest.approx(other.held_out_after.mean - other.held_out_before.mean, rel=1e-12)
+    assert change.error > 0
+
+
+def test_a_margin_of_lost_runs_is_left_free(tmp_path: Path) -> None:
+    """All runs of the baseline are lost: with half of them allowed, every candidate pays for the others."""
+    section = {"lost": "tip_error_max > 1e-9", "vary": {"controller.gain": [9, 10]}, "generations": 0}
+    costs = []
+    for margin in (0.0, 0.5):
+        made = tuning({**section, "margin": margin})
+        search = _Search(made, tmp_path / f"{margin}.jsonl", tmp_path, 1, None, None)
+        found = search.run("identity")
+        costs.append(search._cost(found.after))
+    assert costs[1] - costs[0] == pytest.approx(2 * found.before.mean, rel=1e-12)  # 3 lost, 1 allowed
+
+
 SINGLETONS = """
 kind: rulebase
 inputs:
@@ -141,6 +170,10 @@ def test_candidates_that_make_no_sense_are_not_chosen() -> None:
         ({"vary": {"start.q": [0, 1]}}, {}, "holds several numbers: scale them, or name one"),
         ({"vary": {"controller.gain": [1, 2]}}, {"grid": {"controller.gain": [1]}}, "is drawn or swept as well"),
         ({"lost": "tip_error_max"}, {}, "must be METRIC < NUMBER"),
+        ({"baseline": {"controller.kind": "fuzy_clik"}}, {}, "controller.kind: unknown kind 'fuzy_clik'"),
+        ({"baseline": {"controller.gian": 3}}, {}, "gian"),
+        ({"baseline": {"start.base_rpy": 3}}, {}, "start.base_rpy"),
+        ({"margin": 1}, {}, "tune.margin"),
     ],
 )
 def test_bad_tunings_are_refused(section: dict[str, Any], changes: dict[str, Any], text: str) -> None:
@@ -154,6 +187,8 @@ def test_a_metric_that_there_is_not(tmp_path: Path) -> None:
         tune_to(tuning({"minimise": "yaw_abs_men"}), tmp_path / "t.json")
 
 
-def test_the_shipped_tuning_is_valid() -> None:
-    made = resolve_tuning(read(ROOT / "runs/tune_gain.yaml"))
-    assert len(made.sweep.specs) == 2
+def test_the_shipped_tunings_are_valid() -> None:
+    assert len(resolve_tuning(read(ROOT / "runs/tune_gain.yaml")).sweep.specs) == 2
+    made = resolve_tuning(read(ROOT / "runs/tune_priority.yaml"))
+    kinds = [spec.controller.kind for spec in (*made.sweep.specs, *made.baseline)]
+    assert kinds == ["fuzzy_task_priority", "fuzzy_clik"]
