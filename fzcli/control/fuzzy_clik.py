@@ -15,4 +15,4 @@ class FuzzyClikSpec(TunedGainSpec):
 
 def build(model: RobotModel, spec: FuzzyClikSpec) -> Law:
     """The tuner on top of equation 1: see `tuned_law`."""
-    return tuned_law(model, spec, lambda at, kp, gain: at.task.resolve(kp, at.constraint.gradient(gain)), {})
+    return tuned_law(model, spec, lambda at, kp, gain, _: at.task.resolve(kp, at.constraint.gradient(gain)), {})

@@ -50,11 +50,12 @@ def build(model: RobotModel, spec: TaskPrioritySpec) -> Law:
     return finish(at, qd, detector(at, qd), parameters, {})
 
 
-def by_priority(at: Situation, kp: ca.SX, gain: ca.SX, damping: ca.SX) -> ca.SX:
-    """Joint rates (n) of the law; ``gain`` (k), ``damping`` scalar."""
+def by_priority(at: Situation, kp: ca.SX, gain: ca.SX, damping: ca.SX, share: ca.SX | None = None) -> ca.SX:
+    """Joint rates (n) of the law; ``gain`` (k), ``damping`` scalar, ``share`` (k): part of the base's motion wanted."""
     first = at.task.resolve(kp, ca.SX.zeros(at.model.n))
     rows, J = at.constraint.rows, at.task.jacobian
     free = rows - ca.mtimes(ca.mtimes(ca.mtimes(rows, J.T), at.task.inverse), J)
     left = gain * at.constraint.error + at.constraint.rate - ca.mtimes(rows, first)
-    solved = ca.mtimes(symmetric_inverse(gram(free) + damping * ca.SX.eye(rows.shape[0])), left)
+    wanted = left if share is None else share * left
+    solved = ca.mtimes(symmetric_inverse(gram(free) + damping * ca.SX.eye(rows.shape[0])), wanted)
     return first + ca.mtimes(free.T, solved)

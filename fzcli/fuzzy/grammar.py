@@ -58,6 +58,17 @@ class Or:
 Condition = Is | Not | And | Or
 
 
+def variables(condition: Condition) -> frozenset[str]:
+    """The inputs that a condition speaks of."""
+    match condition:
+        case Is():
+            return frozenset({condition.variable})
+        case Not():
+            return variables(condition.operand)
+        case And() | Or():
+            return frozenset[str]().union(*map(variables, condition.operands))
+
+
 @dataclass(frozen=True)
 class Rule:
     """A parsed rule: its condition, its conclusions, and its weight in [0, 1]."""

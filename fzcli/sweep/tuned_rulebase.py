@@ -1,5 +1,6 @@
 """A rule base whose numbers were tuned, as a file that says where they come from."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -28,11 +29,12 @@ def write_rulebase(tuning: Tuning, found: Tuned, path: Path, argv: Sequence[str]
     lines = [f"Tuned from {rulebase.name or 'a rule base'} by: {' '.join(argv)}"]
     lines += [f"{field}: {value:g}" for field, value in found.values.items()]
     if tuning.section.baseline:
-        changes = ", ".join(f"{path}: {value}" for path, value in tuning.section.baseline.items())
+        changes = ", ".join(f"{path}: {json.dumps(value)}" for path, value in tuning.section.baseline.items())
         lines.append(f"Compared with {changes}.")
     lines += list(_told(tuning.section.minimise, found))
     lines.append(f"Seed {found.seed}, {found.evaluations} candidates; tuning {found.identity}.")
-    text = _HEAD + "".join(f"# {line}\n" for line in lines) + dump(_written(rulebase))
+    rules = "rules:\n" + "".join(f"  - {rule.text}\n" for rule in rulebase.rules)  # one a line, to be read
+    text = _HEAD + "".join(f"# {line}\n" for line in lines) + dump(_written(rulebase)) + rules
     if not place.exists() or place.read_text(encoding="utf-8") != text:
         with replacing(place) as stream:
             stream.write(text.encode())
@@ -53,7 +55,7 @@ def _score(score: Score) -> str:
 
 
 def _written(rulebase: Rulebase) -> dict[str, Any]:
-    """As a rule base file has it."""
+    """As a rule base file has it, without the rules."""
     return {
         "kind": "rulebase",
         "about": rulebase.about,
@@ -61,7 +63,6 @@ def _written(rulebase: Rulebase) -> dict[str, Any]:
         "or": rulebase.disjunction,
         "inputs": {name: _variable(one) for name, one in rulebase.inputs.items()},
         "outputs": {name: _output(one) for name, one in rulebase.outputs.items()},
-        "rules": [rule.text for rule in rulebase.rules],
     }
 
 

@@ -1,5 +1,8 @@
 """Task priority: the tip as if there were no base to hold, the base by what is left; and the tuner on top of it."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,7 +11,9 @@ from fzcli.errors import SpecError
 from fzcli.loop.rollout import Rollout
 from fzcli.loop.simulate import simulate
 from fzcli.model import build_model
-from fzcli.spec.load import load_robot
+from fzcli.spec.base import SpecModel
+from fzcli.spec.load import load_robot, load_rulebase
+from fzcli.spec.rulebase import Rulebase
 from tests.loop.cases import run_spec
 from tests.oracle.numpy_reference import NumpyReference, rotation_from_quat
 from tests.oracle.plain_loop import angle_rates
@@ -68,6 +73,64 @@ def test_what_the_tip_does_to_the_base_is_counted_in() -> None:
     late, early = _run("clik"), _run("task_priority", controller__base_damping=1e-6)
     assert early.metrics["yaw_abs_max"] < 0.05 * late.metrics["yaw_abs_max"]
     assert early.metrics["tip_error_max"] < 1e-3
+
+
+@pytest.mark.parametrize(("error", "share"), [(0.0, 1.0), (0.5e-3, 1.0), (1e-3, 0.7), (1.5e-3, 0.35), (0.5, 0.0)])
+def test_a_rule_base_lets_the_base_go_as_the_tip_leaves_its_path(error: float, share: float) -> None:
+    """The command moves from that of task priority to that of the tip alone, in the same step."""
+    robot = load_robot("bulgarelli4")
+    rulebase = load_rulebase("priority").model_dump()
+    rulebase["outputs"]["share"]["terms"]["PART"]["numbers"] = [0.7]
+    q, quat = np.array([0.928, -1.393, 0.303, 0.549]), np.array([1.0, 0.0, 0.0, 0.01]) / np.hypot(1, 0.01)
+    position, _ = NumpyReference(robot).forward_kinematics(q, quat)
+    specs: dict[str, dict[str, Any]] = {
+        "unconstrained": {},
+        "task_priority": {"gain": GAIN},
+        "fuzzy_task_priority": {"gain": GAIN, "rulebase": Rulebase.model_validate(rulebase), "tip_error_scale": 1e-3},
+    }
+    commands = []
+    for kind, fields in specs.items():
+        entry = controllers()[kind]
+        spec = entry.spec.model_validate(fields)
+        law = entry.build(build_model(robot), spec)
+        values = [float(np.ravel(spec_value(spec, parameter.path))[0]) for parameter in law.parameters]
+        given = dict.fromkeys(law.function.name_in(), 0.0) | {
+            "q": q,
+            "base_quat": quat,
+            "tip_position": position + np.array([0.6, 0.0, 0.8]) * error,
+            "tip_velocity": [0.1, 0.05, -0.1],
+            "tip_quat": [1, 0, 0, 0],
+            "parameters": values,
+            "memory": law.memory0(values),
+        }
+        found = law.function(**given)
+        commands.append(np.array(found["command"]).ravel())
+    free, held, ruled = commands
+    np.testing.assert_allclose(ruled, share * held + (1 - share) * free, atol=1e-9)
+    assert float(found["share"]) == pytest.approx(share, abs=1e-9)
+    assert np.abs(held - free).max() > 1e-3
+
+
+def spec_value(spec: SpecModel, path: str) -> Any:
+    return spec.value_at(path.removeprefix("controller."))
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (("tip_error", "tip_eror"), "must map any of error, oscillating, tip_error to any of increment, share"),
+        (("tip_error", "oscillating"), "rules.0: the share is of this step, oscillation shows after it"),
+        (("default: 1", "default: hold"), "outputs.share.default: cannot be held; give a number"),
+        (("[singleton, 0.9]", "[singleton, 1.2]"), "outputs.share.terms.PART"),
+    ],
+)
+def test_rule_bases_that_do_not_fit_are_refused(change: tuple[str, str], text: str, tmp_path: Path) -> None:
+    shipped = (Path(__file__).parents[2] / "rulebases/priority.yaml").read_text()
+    (tmp_path / "rules.yaml").write_text(shipped.replace(*change))
+    given = {"controller__gain": 1.0, "controller__rulebase": str(tmp_path / "rules.yaml")}
+    with pytest.raises(SpecError) as caught:
+        run_spec(controller__kind="fuzzy_task_priority", **given)
+    assert text in str(caught.value)
 
 
 def test_damping_gives_way_to_the_unconstrained_motion() -> None:
