@@ -76,13 +76,15 @@ def simulate(
     document = read_run(run)
     if isinstance(document.value, dict) and document.value.get("kind") == "plan":
         from fzcli.loop.execution import execute, mission_of
-        from fzcli.loop.plan_replay import replay_of, replayed
+        from fzcli.loop.plan_replay import check_times, replay_of, replayed
         from fzcli.plan.load import with_sets
         from fzcli.record.execution_file import as_rollout
 
         mission = mission_of(document, sets)
         replay = replay_of(with_sets(document, sets), mission.known)
         execution = execute(mission, argv)
+        if replay is not None:
+            check_times(with_sets(document, sets), replay, execution.path.duration)
         rollout = as_rollout(execution)
         if replay is not None:
             rollout = replayed(mission, execution, replay, rollout, argv)

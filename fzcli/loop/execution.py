@@ -13,11 +13,13 @@ from fzcli.plan.detour_planner import Attempt
 from fzcli.plan.joint_path import JointPath
 from fzcli.plan.load import any_plan_of, origin_of, prepare_any, prepared, with_sets
 from fzcli.plan.online import Answer, Situation, respond, warm
+from fzcli.plan.peaks import peak_times
 from fzcli.plan.plan import Plan
 from fzcli.plan.plan_spec import DetourFields
 from fzcli.plan.planar_result import as_any_plan
 from fzcli.plan.planar_spec import AnyRun
 from fzcli.plan.planning import AnyTask, solve
+from fzcli.plan.result import EXCESS
 from fzcli.plan.scene import build_scene
 from fzcli.plan.world import AnyWorld, Path
 from fzcli.spec.document import Document
@@ -150,6 +152,8 @@ def _status(mission: Mission, plan: Plan, attempt: Attempt, events: Sequence[Eve
     """Judged by the truth: contact fails; a stop, or a margin that is not kept, is flagged."""
     told = next((event.answer.reason for event in reversed(events) if event.answer.reason), "")
     found, path = attempt.clearance, attempt.path
+    if isinstance(path, BrakedPath):
+        told += _harsh(plan, path, mission.known.accelerations)
     if found.clearance < 0:
         apart = f"{found.pair} overlap by {-1e3 * found.clearance:.3g} mm at {found.time:.4g} s"
         return Status("failed", f"contact: {apart}" + (f" ({told})" if told else ""), _advice(mission))
@@ -160,6 +164,16 @@ def _status(mission: Mission, plan: Plan, attempt: Attempt, events: Sequence[Eve
     if plan.status.name == "flagged" and found.clearance < mission.spec.margin:
         return replace(plan.status, advice="see it earlier, or ask for a smaller margin")
     return plan.status
+
+
+def _harsh(plan: Plan, halt: BrakedPath, limits: np.ndarray) -> str:
+    """By how much a stop exceeds the stated joint accelerations (n), in words; empty where it keeps them."""
+    most = np.abs(halt.at(peak_times(halt, halt.begin, halt.rest))[2]).max(axis=0)
+    worst = int((most - limits).argmax())
+    if most[worst] <= limits[worst] + EXCESS:
+        return ""
+    name, unit = plan.joint_names[worst], plan.joint_units[worst]
+    return f"; the stop takes {name} to {most[worst]:.6g} {unit}/s2, beyond its limit of {limits[worst]:.6g} {unit}/s2"
 
 
 def _advice(mission: Mission) -> str:

@@ -13,7 +13,7 @@ from fzcli.errors import SpecError
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.engine import Batch, VirtualMachine
 from fzcli.loop.execution import Execution, Mission
-from fzcli.loop.replay_spec import ReplaySpec, replay_misfits, replay_model
+from fzcli.loop.replay_spec import ReplaySpec, late_events, replay_misfits, replay_model
 from fzcli.loop.rollout import Rollout
 from fzcli.loop.run_spec import BoundsSpec
 from fzcli.loop.simulate import rollouts
@@ -59,6 +59,13 @@ def replay_of(document: Document, task: AnyTask) -> ReplaySpec | None:
     if problems:
         raise SpecError(problems)
     return spec
+
+
+def check_times(document: Document, spec: ReplaySpec, end: float) -> None:
+    """Raises SpecError where something is to begin after the plan's ``end`` [s], which is known when it is made."""
+    problems = [document.problem(text, ("replay", *path)) for path, text in late_events(spec, end)]
+    if problems:
+        raise SpecError(problems)
 
 
 def replayed(

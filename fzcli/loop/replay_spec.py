@@ -151,7 +151,17 @@ def _controllers() -> Any:
     return Annotated[kinds, Field(discriminator="kind")]
 
 
-Misfit = tuple[tuple[str, ...], str]
+Misfit = tuple[tuple[str | int, ...], str]
+SAME = 1e-9  # s
+
+
+def late_events(spec: ReplaySpec, end: float) -> Iterator[Misfit]:
+    """Events that begin when the motion is over at ``end`` [s]: the field's path below the section, and why not."""
+    times: list[tuple[tuple[str | int, ...], float]] = [] if spec.grasp is None else [(("grasp", "at"), spec.grasp.at)]
+    times += [(("wrenches", i, "begin"), wrench.begin) for i, wrench in enumerate(spec.wrenches)]
+    for path, begin in times:
+        if begin > end + SAME:
+            yield path, f"begins at {begin:.9g} s, after the end of the run at {end:.9g} s"
 
 
 def replay_misfits(robot: Robot, spec: ReplaySpec) -> Iterator[Misfit]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from fzcli.errors import Problem, SpecError
 from fzcli.loop.reach import out_of_reach
-from fzcli.loop.run_spec import SimulateRun, misfits, simulate_model
+from fzcli.loop.run_spec import SimulateRun, misfits, never_reached, simulate_model
 from fzcli.spec.base import SpecModel
 from fzcli.spec.document import Document
 from fzcli.spec.library import find
@@ -36,7 +36,7 @@ def runs_of(document: Document, sets: Sequence[str] = ()) -> tuple[SimulateRun, 
         document = apply_sets(document, sets)
         if any(one.partition("=")[0].strip() == "controller.kind" for one in sets):
             document = fitted(document)  # the file's fields of the kind before go with it
-    spec = run_of(document)
+    spec = timely(document, run_of(document))
     missing = out_of_reach(spec)
     if missing:
         raise SpecError(document.problem(missing, ("reference", "position")))
@@ -49,6 +49,14 @@ def run_of(document: Document, sets: Sequence[str] = ()) -> SimulateRun:
     check_kind(document, "simulate")
     spec = parse(document, simulate_model(), context={BESIDE: document.path})
     problems = [document.problem(text, path) for path, text in misfits(spec)] or _wrong_units(document, spec)
+    if problems:
+        raise SpecError(problems)
+    return spec
+
+
+def timely(document: Document, spec: SimulateRun) -> SimulateRun:
+    """The run of a document. Raises SpecError where it waits for a time that it never comes to."""
+    problems = [document.problem(text, path) for path, text in never_reached(spec)]
     if problems:
         raise SpecError(problems)
     return spec
@@ -73,7 +81,8 @@ def variants_of(document: Document, spec: SimulateRun, sets: Sequence[str] = ())
     problems: list[Problem] = []
     for name, changes in spec.compare.items():
         try:
-            found[name] = run_of(variant(document, changes))
+            changed = variant(document, changes)
+            found[name] = timely(changed, run_of(changed))
         except SpecError as error:
             problems += [_in_variant(document, name, changes, problem) for problem in error.problems]
     if problems:

@@ -1,6 +1,7 @@
 """What a run file says: pydantic models of ``kind: simulate``, with the kinds that the registries know."""
 
 import functools
+import math
 import operator
 from collections.abc import Iterator
 from functools import cache
@@ -11,7 +12,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from fzcli.control.registry import controllers
-from fzcli.loop.replay_spec import ReplaySpec, replay_misfits, replay_model
+from fzcli.loop.replay_spec import ReplaySpec, late_events, replay_misfits, replay_model
 from fzcli.plan.base_reference import BaseHoldSpec
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
 from fzcli.spec.base import SpecModel
@@ -175,7 +176,7 @@ class SimulateRun(SpecModel):
     ]
 
 
-def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
+def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """Where a run does not fit its robot: the field's path, and what is wrong with it."""
     names = [link.joint.name for link in spec.robot.links if link.joint.type != "fixed"]
     if len(spec.start.q) != len(names):
@@ -202,6 +203,20 @@ def misfits(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:
             yield ("replay", *path), text
     if tip is not None and tip not in spec.robot.tips:
         yield ("controller", "tip"), f"the robot has no tip {tip!r}; it has {', '.join(spec.robot.tips)}"
+
+
+def never_reached(spec: SimulateRun) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """Times that the run is over before: the field's path, and what is wrong with it."""
+    lasting = spec.stop.after if spec.stop is not None else spec.duration
+    end = lasting or getattr(spec.reference, "duration", None) or sum(getattr(spec.reference, "durations", ()))
+    end = math.ceil(end / spec.step - 1e-9) * spec.step
+    if spec.replay is not None:
+        for path, text in late_events(spec.replay, end):
+            yield ("replay", *path), text
+    restart = getattr(spec.controller, "restart", None)
+    if restart is not None and "stall" in restart.model_fields_set and restart.stall > end:
+        text = f"{restart.stall:.9g} s without progress cannot pass in a run of {end:.9g} s"
+        yield ("controller", "restart", "stall"), text
 
 
 def _loose_search(spec: SimulateRun) -> Iterator[tuple[tuple[str, ...], str]]:

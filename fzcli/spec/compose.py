@@ -84,6 +84,8 @@ class _Composer:
 
     def scalar(self, built: _Built) -> None:
         node = built.node
+        if "\0" in str(node.content):  # an escape makes one; no file of results holds it
+            self.problems.append(self.problem("holds a NUL character; no text may", node))
         if not self.waits_for_key() and not node.style:
             try:
                 node.content = plain_scalar(str(node.content))
@@ -146,8 +148,8 @@ def compose(source: Source) -> Node:
     """The root node of a source's text.
 
     Raises:
-        SpecError: not YAML, a tag, a merge or duplicate key, an alias without anchor or in a cycle, more
-            than one document, no document, or more depth or nodes than ``MAX_DEPTH`` and ``MAX_NODES``.
+        SpecError: not YAML, a tag, a NUL character, a merge or duplicate key, an alias without anchor or in
+            a cycle, more than one document, no document, or more depth or nodes than ``MAX_DEPTH`` and ``MAX_NODES``.
     """
     composer = _Composer(source)
     try:

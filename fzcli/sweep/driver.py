@@ -2,7 +2,8 @@
 
 A shard whose worker dies is tried again, for workers are killed from outside too. One that kills its workers time and
 again is bisected, by running halves of its rows without writing anything, to the rows that do it; these are recorded as
-crashed, and the shard is computed without them.
+crashed, and the shard is computed without them. The try that decides has the engine for itself: a worker of Dask that
+ends takes along what waits for its turn there.
 """
 
 from collections import Counter, deque
@@ -27,7 +28,6 @@ class _Search:
 
     open: int = 0
     crashed: set[int] = field(default_factory=set)
-    over: bool = False
 
 
 class Driver:
@@ -37,6 +37,8 @@ class Driver:
         self.folder, self.pool = folder, pool
         self.tell, self.say, self.stop = tell, say, stop
         self._urgent: deque[Task] = deque()
+        self._deciding: deque[Task] = deque()  # each alone in the engine
+        self._alone = False  # whether such a one is in flight
         self._deaths: Counter[Task] = Counter()
         self._searches: dict[int, _Search] = {}
         self._in_flight = 0
@@ -49,22 +51,31 @@ class Driver:
         """
         self._runs = done
         self.tell("running", done, self.folder.layout.runs)
-        more = True
         while True:
-            while self._in_flight < self.pool.window and not self.stop() and (more or self._urgent):
-                task = self._urgent.popleft() if self._urgent else _next(shards)
-                more = more and task is not None
-                if task is not None:
-                    self.pool.submit(task)
-                    self._in_flight += 1
+            while self._in_flight < self.pool.window and not self.stop() and (task := self._next(shards)):
+                self.pool.submit(task)
+                self._in_flight += 1
             if not self._in_flight:
                 break
-            for task, outcome in self.pool.wait(PATIENCE):
+            for done_task, outcome in self.pool.wait(PATIENCE):
                 self._in_flight -= 1
-                self._take(task, outcome)
+                self._alone = False
+                self._take(done_task, outcome)
             self.tell("running", self._runs + self.pool.progress(), self.folder.layout.runs)
-        if self.stop() and (self._urgent or (more and _next(shards) is not None)):
+        if self.stop() and self._next(shards):
             raise UnfinishedError("stopped")
+
+    def _next(self, shards: Iterator[int]) -> Task | None:
+        """What to begin now, if anything."""
+        if self._alone or (self._deciding and self._in_flight):
+            return None
+        if self._deciding:
+            self._alone = True
+            return self._deciding.popleft()
+        if self._urgent:
+            return self._urgent.popleft()
+        index = next(shards, None)
+        return None if index is None else Task(index)
 
     def _take(self, task: Task, outcome: Outcome) -> None:
         if isinstance(outcome, Died):
@@ -90,7 +101,7 @@ class Driver:
             self._urgent += [Task(task.shard, probe=(first, middle)), Task(task.shard, probe=(middle, last))]
             search.open += 1  # two for one
         elif self._deaths[task] < CONFIRMED:
-            self._urgent.append(task)
+            self._deciding.append(task)
         else:
             search.crashed.add(first)
             self._tell_crash(task.shard, first, how)
@@ -98,10 +109,13 @@ class Driver:
 
     def _shard_died(self, task: Task, how: Died) -> None:
         search = self._searches.get(task.shard)
-        if search is not None and search.over and self._deaths[task] >= CONFIRMED:
+        if search is not None and self._deaths[task] >= CONFIRMED:
             text = f"shard {task.shard} ends its worker ({how.how}), but no run of it does so alone"
             raise EngineError(f"{text}: is there enough memory?")
-        if search is not None or self._deaths[task] < TRIES:
+        if search is not None:
+            self._deciding.append(task)
+            return
+        if self._deaths[task] < TRIES:
             self._urgent.append(task)
             return
         self.say(f"shard {task.shard} ended its worker {TRIES} times ({how.how}); looking for the run that does it")
@@ -112,8 +126,9 @@ class Driver:
         search = self._searches[shard]
         search.open -= 1
         if not search.open:
-            search.over = True
-            self._urgent.append(Task(shard, skip=tuple(sorted(search.crashed))))
+            rest = Task(shard, skip=tuple(sorted(search.crashed)))
+            self._deaths[rest] = 0
+            self._urgent.append(rest)
 
     def _tell_crash(self, shard: int, row: int, how: Died) -> None:
         piece = self.folder.layout.piece(shard)
@@ -121,8 +136,3 @@ class Driver:
         index = self.folder.sweep.file.trajectories.first + piece.places[j]
         text = f"configuration {piece.configs[i]} on trajectory {index} ends its process ({how.how})"
         self.say(f"{text}: recorded as crashed")
-
-
-def _next(shards: Iterator[int]) -> Task | None:
-    index = next(shards, None)
-    return None if index is None else Task(index)

@@ -5,6 +5,7 @@ Nothing else is needed to go on: what is missing or damaged is computed, in any 
 """
 
 import contextlib
+import errno
 import json
 import os
 import shutil
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from fzcli.errors import RecordError, UsageError
+from fzcli.errors import RecordError, UnfinishedError, UsageError
 from fzcli.loop.file_lock import HeldError, locked
 from fzcli.loop.versions import versions
 from fzcli.record.hdf5 import TEMPORARY, Precision, replacing
@@ -126,7 +127,8 @@ class Folder:
     def _locked(self, path: Path, shared: bool) -> Iterator[None]:
         with contextlib.ExitStack() as stack:
             try:
-                stack.enter_context(locked(path, myself(), shared, wait=False))
+                with _full_disk_passes(path):
+                    stack.enter_context(locked(path, myself(), shared, wait=False))
             except HeldError as error:
                 holder = error.holder if shared or path.name != LOCK else "; ".join(self.holders())
                 text = f"{self.path}: {holder or 'another process'} works on this sweep; wait for it, or end it"
@@ -154,16 +156,33 @@ def open_folder(path: Path) -> Folder:
 
 
 def begin_folder(path: Path, meaning: Meaning, precision: Precision) -> Folder:
-    """The folder of a sweep, made where there is none. Raises RecordError where it cannot be."""
+    """The folder of a sweep, made where there is none.
+
+    Raises RecordError where it cannot be, UnfinishedError on a full disk.
+    """
     folder = Folder(path, meaning, precision)
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        with _full_disk_passes(path):
+            path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordError(f"{path}: cannot be made: {error.strerror or error}") from error
     text = json.dumps({**json.loads(meaning.to_json()), "precision": precision})
     with contextlib.suppress(OSError):
         if (path / MEANING).read_text(encoding="utf-8") == text:
             return folder
-    with replacing(path / MEANING) as stream:
+    with _full_disk_passes(path / MEANING), replacing(path / MEANING) as stream:
         stream.write(text.encode())
     return folder
+
+
+@contextlib.contextmanager
+def _full_disk_passes(path: Path) -> Iterator[None]:
+    """Where there is no room to begin, the same command goes on later; any other error is raised as it is."""
+    try:
+        yield
+    except (OSError, RecordError) as error:
+        cause = error.__cause__ if isinstance(error, RecordError) else error
+        if isinstance(cause, OSError) and cause.errno in (errno.ENOSPC, errno.EDQUOT):
+            text = f"nothing could be begun: {path}: cannot be written: {cause.strerror}"
+            raise UnfinishedError(text) from error
+        raise

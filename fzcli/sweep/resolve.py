@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fzcli.control.registry import controllers
 from fzcli.errors import Problem, SpecError
-from fzcli.loop.run_file import fitted, run_of
+from fzcli.loop.run_file import fitted, run_of, timely
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.spec.base import SpecModel
 from fzcli.spec.document import Document, Node
@@ -23,6 +23,7 @@ from fzcli.sweep.sweep_spec import OWN_KEYS, Draw, SweepFile
 
 Array = NDArray[np.float64]
 Run = TypeVar("Run", bound=SpecModel)
+LASTING = {"step", "duration", "stop.after", "reference.duration", "reference.durations"}  # say how long a run is
 NOT_DRAWN = ("kind", "about", "bounds", "record", "compare", "method")  # they belong to a configuration
 
 
@@ -73,6 +74,9 @@ def resolve(document: Document, sets: Sequence[str] = ()) -> Sweep:
     check_changed_keys(document, own, kinds)
     check_expected(document, own, configurations)
     specs, draws = resolved_runs(document, own, base, configurations, _run)
+    if not LASTING & set(own.file.trajectories.draw):
+        for spec in specs:
+            timely(document, spec)
     keep = None
     if own.keep_if_changes is not None:
         tried = overlaid(base, {**_sample_of(document, own, 0), **own.keep_if_changes})

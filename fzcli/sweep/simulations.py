@@ -70,7 +70,7 @@ class Simulations:
         """
         self.compile(self.jobs)
         drawing = draw_trajectories(self.sweep, self._builds, piece.places, self.jobs)
-        every = list(self._rows(piece, drawing.values))
+        every = list(self._rows(piece, drawing.values, skip))
         columns, status = self._roll_out(piece, every, skip, progress)
         loops = list({id(rows.build): rows.build.loop for rows in every}.values())
         info = _metric_info(loops)
@@ -95,7 +95,7 @@ class Simulations:
         """Run only these rows of a shard, for nothing but to see whether they come back."""
         drawing = draw_trajectories(self.sweep, self._builds, piece.places, self.jobs)
         others = frozenset(range(piece.runs)) - frozenset(rows)
-        self._roll_out(piece, list(self._rows(piece, drawing.values)), others, None)
+        self._roll_out(piece, list(self._rows(piece, drawing.values, others)), others, None)
 
     def recorded(self, chosen: Sequence[Chosen], drawn: Array) -> tuple[KeptRun, ...]:
         """Runs again with every signal kept. ``drawn``: (runs, k), as in their shards."""
@@ -106,12 +106,16 @@ class Simulations:
                 every += rows_of(self._builds, self.sweep.specs[config], self.sweep.draws, drawn[mine], mine)
         return self._recorded(every, dict(enumerate(chosen)))
 
-    def _rows(self, piece: Piece, drawn: Array) -> Iterator[Rows]:
+    def _rows(self, piece: Piece, drawn: Array, skip: frozenset[int]) -> Iterator[Rows]:
+        """For rows in ``skip`` nothing is built: that alone may end the process."""
         count = len(piece.places)
         for i, config in enumerate(piece.configs):
+            mine = np.array([j for j in range(count) if i * count + j not in skip], dtype=np.int64)
+            if not mine.size:
+                continue
             with self._lock:  # a drawn field may ask for another build
                 yield from rows_of(
-                    self._builds, self.sweep.specs[config], self.sweep.draws, drawn, np.arange(count) + i * count
+                    self._builds, self.sweep.specs[config], self.sweep.draws, drawn[mine], mine + i * count
                 )
 
     def _roll_out(

@@ -73,6 +73,13 @@ def test_bad_replays_are_named_in_the_plan_s_file(change: str, text: str, tmp_pa
         assert not (tmp_path / "run.h5").exists()
 
 
+def test_a_grasp_after_the_plan_s_end_is_refused(tmp_path: Path) -> None:
+    late = "replay.grasp={at: 5 s, mass: 1, inertia: [1, 1, 1]}"
+    with pytest.raises(SpecError, match=r"replay.grasp.at: begins at 5 s, after the end of the run at 2 s"):
+        _run(FIXED, tmp_path, late)
+    assert not (tmp_path / "run.h5").exists()
+
+
 def test_a_parallel_robot_has_no_torque_level(tmp_path: Path) -> None:
     text = read_text(Path("runs/rrr_obstacle.yaml").read_text()).text
     with pytest.raises(SpecError, match="replay"):

@@ -1,5 +1,6 @@
 """What comes into sight on the way: detours from the state of motion, stops, and what is reported."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -209,6 +210,27 @@ SPHERE = """
 """
 AT_GOAL = {"center": "[0.172, 0.698, 0.317]", "radius": "0.06", "velocity": "[0, -0.1, 0]", "step": "8"}
 IN_THE_WAY = {"center": "[0.311, -0.125, 0.355]", "radius": "0.06", "velocity": "[0, 0, 0]", "step": "8"}
+
+
+LOW = "accelerations=[1.5, 1.5, 1.5, 1.5, 1.5, 1.5]"
+
+
+@pytest.mark.parametrize(
+    ("scene", "name", "said"),
+    [(SPHERE.format(**AT_GOAL), "flagged", "^stopped on the path at "), (DRIFTER, "failed", "^contact: ")],
+)
+def test_a_stop_harder_than_the_stated_accelerations_says_so(scene: str, name: str, said: str) -> None:
+    """None of the stops is gentler; the largest acceleration is the certificate's."""
+    plan = followed(scene, "execution.answer=stop", LOW).plan
+    most = plan.metrics["acceleration_max"]
+    assert plan.status.name == name
+    assert re.search(said, plan.status.reason)
+    told = re.search(r"; the stop takes (J\d) to ([\d.]+) rad/s2, beyond its limit of 1.5 rad/s2", plan.status.reason)
+    assert told is not None
+    assert float(told[2]) == pytest.approx(most, rel=1e-5)
+    assert plan.certificate["joint_acceleration_excess_max"] == pytest.approx(most - 1.5, rel=1e-5)
+    joint = plan.joint_names.index(told[1])
+    assert np.abs(plan.qdd[:, joint]).max() == pytest.approx(most, rel=1e-2)
 
 
 def test_an_obstacle_that_will_cover_the_goal() -> None:

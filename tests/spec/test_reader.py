@@ -102,6 +102,8 @@ def test_aliases_are_written_out() -> None:
         ("a: *x\n", "x.yaml:1:4: alias *x has no anchor &x before it"),
         ("a: !!python/name:os 1\n", "x.yaml:1:4: tags such as !!python/name:os are not read here; remove it"),
         ("a: !mine 1\n", "x.yaml:1:4: tags such as !mine are not read here; remove it"),
+        ('scene:\n  - {name: "po\\0st"}\n', "x.yaml:2:12: holds a NUL character; no text may"),
+        ('"a\\0b": 1\n', "x.yaml:1:1: holds a NUL character; no text may"),
         ("a: &b {c: 1}\nd: {<<: *b}\n", "x.yaml:2:5: merge keys (<<) are not YAML 1.2; write the keys out"),
         ("a: 1\n---\nb: 1\n", "x.yaml:2:1: a second document starts here; put it into its own file"),
         ("? [a]\n: 1\n", "x.yaml:1:3: a key must be one word or number, not a list or a mapping"),
@@ -182,12 +184,13 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (document.value, document.file, document.path) == ({"a": 1}, "<stdin>", None)
 
 
+TEXT = st.characters(codec="utf-8", exclude_characters="\0")
 LEAVES = (
     st.none()
     | st.booleans()
     | st.integers(-(10**20), 10**20)
     | st.floats(allow_nan=False)
-    | st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=12)
+    | st.text(TEXT, max_size=12)
     | st.sampled_from(
         ["ON", "off", "1e-3", "0x1f", "0o7", "<<", "~", "null", ".inf", "3-4-5", " x", "a: b", "#"]
     )
@@ -197,7 +200,7 @@ LEAVES = (
 @given(
     st.recursive(
         LEAVES,
-        lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
+        lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(TEXT, max_size=5), inner, max_size=4),
     )
 )
 def test_dump_is_read_back_exactly(value: object) -> None:

@@ -323,12 +323,14 @@ def test_a_folder_that_may_not_be_written(open_folder: Path, read_only: Callable
 
 
 class Fragile:
-    """An engine whose workers die of some rows, and of others' deeds at chosen times."""
+    """An engine whose workers die of some rows, and of others' deeds at chosen times; ``together``: all at a time."""
 
     window = 2
 
-    def __init__(self, folder: Folder, deadly: dict[int, set[int]], accidents: int = 0) -> None:
-        self.folder, self.deadly, self.accidents = folder, deadly, accidents
+    def __init__(
+        self, folder: Folder, deadly: dict[int, set[int]], accidents: int = 0, together: bool = False
+    ) -> None:
+        self.folder, self.deadly, self.accidents, self.together = folder, deadly, accidents, together
         self.tasks: list[Task] = []
         self.skipped: dict[int, tuple[int, ...]] = {}
         self.deaths = 0
@@ -337,15 +339,24 @@ class Fragile:
         self.tasks.append(task)
 
     def wait(self, seconds: float) -> list[tuple[Task, Outcome]]:
+        if self.together and any(map(self.kills, self.tasks)):
+            self.deaths += 1
+            dead, self.tasks = self.tasks, []
+            return [(task, Died("signal 9")) for task in dead]
         task = self.tasks.pop()
-        rows = set(range(*task.probe)) if task.probe else set(range(self.folder.layout.piece(task.shard).runs))
         self.accidents -= 1
-        if self.accidents >= 0 or (rows - set(task.skip)) & self.deadly.get(task.shard, set()):
+        if self.accidents >= 0 or self.kills(task):
             self.deaths += 1
             return [(task, Died("signal 9"))]
         if task.probe is None:
             self.skipped[task.shard] = task.skip
-        return [(task, Done(len(rows), 0, 0.0))]
+        return [(task, Done(len(self.rows(task)), 0, 0.0))]
+
+    def rows(self, task: Task) -> set[int]:
+        return set(range(*task.probe) if task.probe else range(self.folder.layout.piece(task.shard).runs))
+
+    def kills(self, task: Task) -> bool:
+        return bool((self.rows(task) - set(task.skip)) & self.deadly.get(task.shard, set()))
 
     def progress(self) -> int:
         return 0
@@ -369,6 +380,17 @@ def test_runs_that_end_their_worker_are_found(tmp_path: Path) -> None:
     assert said[0] == "shard 1 ended its worker 3 times (signal 9); looking for the run that does it"
     assert "configuration 0 on trajectory 21 ends its process (signal 9): recorded as crashed" in said
     assert len(said) == 4
+
+
+def test_runs_beside_a_deadly_one_are_not_blamed(tmp_path: Path) -> None:
+    """Tasks that wait at a worker of Dask end with it."""
+    folder = begin_folder(tmp_path / "f", meaning_of(sweep()), "f4")
+    for row in (0, 31, 32, 63):
+        said: list[str] = []
+        pool = Fragile(folder, {0: {row}, 1: {row}}, together=True)
+        drive(tmp_path, pool, said)
+        assert pool.skipped == {0: (row,), 1: (row,), 2: ()}
+        assert sum("recorded as crashed" in line for line in said) == 2
 
 
 def test_accidents_are_no_crashes(tmp_path: Path) -> None:
