@@ -16,7 +16,7 @@ from fzcli.loop.rollable import Rollable
 from fzcli.loop.source import c_source
 
 Array = NDArray[np.float64]
-CHUNK = 64  # runs that a thread takes at a time
+FEWEST, MOST = 64, 512  # runs that a thread takes at a time
 VM_LANES = 64
 
 
@@ -119,24 +119,26 @@ class CompiledEngine:
         progress: Callable[[int], None] | None = None,
         resume: Resume | None = None,
     ) -> Batch:
-        """See `Engine.run`; runs of like length share lanes, so that few lanes idle."""
-        order = np.argsort(n_steps, kind="stable")
+        """See `Engine.run`; the longest runs begin first, so that few lanes idle at the end."""
+        n_steps = np.asarray(n_steps, dtype=np.int64)
+        order = np.argsort(-n_steps if resume is None else resume.begins - n_steps, kind="stable")
         rows = np.ascontiguousarray(np.asarray(parameters, dtype=np.float64)[order])
-        steps = np.ascontiguousarray(np.asarray(n_steps, dtype=np.int64)[order])
+        steps = n_steps[order]
         ordered = empty_batch(self.loop, len(steps), steps, record)
         begins = None
         if resume is not None:
             begins = np.ascontiguousarray(resume.begins[order])
             ordered.states[:] = resume.states[order]
-        starts = iter(range(0, len(steps), CHUNK))
+        size = min(max(FEWEST, -(-len(steps) // (4 * jobs))), MOST)
+        starts = iter(range(0, len(steps), size))
 
         def work() -> Iterator[int]:
             for start in starts:  # shared by all threads: whoever is free takes the next chunk
-                count = min(CHUNK, len(steps) - start)
+                count = min(size, len(steps) - start)
                 self._run_chunk(rows, steps, ordered, start, count, begins)
                 yield count
 
-        self._spread(work, min(jobs, -(-len(steps) // CHUNK)), progress or _silent)
+        self._spread(work, min(jobs, -(-len(steps) // size)), progress or _silent)
         back = np.argsort(order, kind="stable")
         return Batch(
             ordered.metrics[back],
