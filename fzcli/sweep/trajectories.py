@@ -11,10 +11,10 @@ from fzcli.errors import FzcliError
 from fzcli.loop.engine import Batch
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.spec.base import SpecModel
+from fzcli.spec.condition import Condition
 from fzcli.sweep.builds import Builds, rows_of, split
 from fzcli.sweep.draws import candidates, sources
 from fzcli.sweep.resolve import Sweep, with_values
-from fzcli.sweep.sweep_spec import Condition
 
 Array = NDArray[np.float64]
 TOGETHER = 16  # candidates that are tried together at least
@@ -32,10 +32,20 @@ class Drawing:
     candidates: NDArray[np.int64]
 
 
+def trial_builds(sweep: Sweep, like: Builds | None = None) -> Builds:
+    """For the runs that candidates are tried with: they end as soon as they cannot pass. ``like``: as of `Builds`."""
+    return Builds(like=like, wanted=_conditions(sweep))
+
+
+def _conditions(sweep: Sweep) -> tuple[Condition, ...]:
+    keep_if = sweep.file.trajectories.keep_if
+    return () if keep_if is None else tuple(Condition.of(text) for text in keep_if.that)
+
+
 def draw_trajectories(sweep: Sweep, builds: Builds, places: range, jobs: int = 1) -> Drawing:
     """Draw the trajectories of these places, counted from the first; with a filter, candidates until one passes.
 
-    Raises FilterError when a trajectory passes none of the candidates it may try.
+    ``builds``: `trial_builds`. Raises FilterError when a trajectory passes none of the candidates it may try.
     """
     plan, count = sweep.file.trajectories, len(places)
     random = list(sources(plan, sweep.draws, places))
@@ -43,7 +53,7 @@ def draw_trajectories(sweep: Sweep, builds: Builds, places: range, jobs: int = 1
         values = candidates(sweep.draws, random)
         _check(sweep, values, [plan.first + place for place in places])
         return Drawing(values, np.ones(count, dtype=np.int64))
-    conditions = [Condition.of(text) for text in plan.keep_if.that]
+    conditions = _conditions(sweep)
     values, tried = np.zeros((count, sum(one.size for one in sweep.draws))), np.zeros(count, dtype=np.int64)
     waiting = np.arange(count)
     while len(waiting) and tried[waiting[0]] < plan.keep_if.most:
@@ -101,7 +111,7 @@ def _check_field(spec: SimulateRun, path: str, values: Array, index: int) -> Non
 
 
 def _pass(
-    sweep: Sweep, builds: Builds, values: Array, conditions: list[Condition], jobs: int
+    sweep: Sweep, builds: Builds, values: Array, conditions: tuple[Condition, ...], jobs: int
 ) -> NDArray[np.bool_]:
     """Which candidates meet all conditions; a run that was stopped meets none."""
     passed = np.ones(len(values), dtype=bool)
@@ -113,11 +123,9 @@ def _pass(
     return passed
 
 
-def _meets(metrics: tuple[object, ...], batch: Batch, conditions: list[Condition]) -> NDArray[np.bool_]:
+def _meets(metrics: tuple[object, ...], batch: Batch, conditions: tuple[Condition, ...]) -> NDArray[np.bool_]:
     names = [getattr(metric, "name", "") for metric in metrics]
     good = np.asarray(batch.stops == 0)
     for condition in conditions:
-        values = batch.metrics[:, names.index(condition.metric)]
-        compare = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}[condition.sign]
-        good &= compare(values, condition.limit)
+        good &= condition.met_by(batch.metrics[:, names.index(condition.metric)])
     return good
