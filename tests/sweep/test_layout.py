@@ -140,7 +140,10 @@ def _laid_out(sampling: str, count: int, first: int = 0) -> Sweep:
 
 
 def _points(sweep: Sweep, places: range) -> np.ndarray:
-    return np.array([source.random(2) for source, _ in sources(sweep.file.trajectories, sweep.draws, places)])
+    points = np.empty((len(places), 2))
+    for point, (source, _) in zip(points, sources(sweep.file.trajectories, sweep.draws, places), strict=True):
+        source.random(out=point)
+    return points
 
 
 def test_a_latin_hypercube_has_one_point_in_every_part() -> None:
