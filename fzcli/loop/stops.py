@@ -50,6 +50,7 @@ STOP_REASONS = {
     3: StopReason("arrived", "the tip has reached its target", "", failed=False),
 }
 PAUSED = -1  # the law asks for its search before this step; never the end of a run
+LEFT_OUT = -2  # of a run that was not begun, as another of its series has ended without a stop
 GIVEN_UP = 5  # of a run that is only tried: whatever comes, it will not meet what is wanted of it
 FAILURES = tuple(code for code, why in STOP_REASONS.items() if why.failed)
 
@@ -80,6 +81,12 @@ def given_up(code: ca.SX, wanted: tuple[Condition, ...], metrics: tuple[Metric, 
                 beyond = _BEYOND[metric.reduction, condition.sign](total, condition.limit)
                 code = ca.if_else(ca.logic_and(code == 0, beyond), float(GIVEN_UP), code)
     return code
+
+
+def all_decided(wanted: tuple[Condition, ...], metrics: tuple[Metric, ...]) -> bool:
+    """Whether each of the conditions ends a run that does not meet it, so that one without a stop meets them all."""
+    reductions = {metric.name: metric.reduction for metric in metrics if metric.signal}
+    return all((reductions.get(one.metric, "last"), one.sign) in _BEYOND for one in wanted)
 
 
 _BEYOND: dict[tuple[str, str], Callable[[ca.SX, float], ca.SX]] = {

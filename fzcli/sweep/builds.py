@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.engine import Engine
 from fzcli.loop.events import make_engine
 from fzcli.loop.run_spec import SimulateRun
+from fzcli.loop.stops import all_decided
 from fzcli.model import RobotModel, build_model
 from fzcli.spec.condition import Condition
 from fzcli.spec.hashing import spec_hash
@@ -33,6 +35,11 @@ class Build:
     make: EngineMaker = make_engine
     wanted: tuple[Condition, ...] = ()
     engines: dict[bool, Engine] = field(default_factory=dict)
+
+    @cached_property
+    def decides(self) -> bool:
+        """Whether a run that ends without a stop meets all that is wanted."""
+        return bool(self.wanted) and all_decided(self.wanted, self.loop.metrics)
 
     def engine(self, record: bool) -> Engine:
         """The engine that reduces metrics only, or the one that records every signal."""

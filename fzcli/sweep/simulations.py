@@ -178,7 +178,7 @@ def _by_build(
         groups.setdefault(id(rows.build), []).append(rows)
     for members in groups.values():
         runs = np.concatenate([rows.runs for rows in members])
-        wanted = ~np.isin(runs, list(skip))
+        wanted = ~np.isin(runs, list(skip)) if skip else np.ones(len(runs), dtype=bool)
         if wanted.any():
             parameters = np.concatenate([rows.parameters for rows in members])[wanted]
             steps = np.concatenate([rows.steps for rows in members])[wanted]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fzcli.loop.assemble import closed_loop
 from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.engine import Batch, CompiledEngine, Engine, VirtualMachine
-from fzcli.loop.stops import GIVEN_UP, given_up
+from fzcli.loop.stops import GIVEN_UP, LEFT_OUT, all_decided, given_up
 from fzcli.spec.condition import Condition
 from fzcli.spec.quantity import Metric, Reduction
 from tests.loop.cases import random_parameters, run_spec
@@ -19,6 +19,7 @@ from tests.loop.test_engines import column, needs_compiler
 
 Array = NDArray[np.float64]
 RUNS, STEPS = 24, 300
+ENGINES = [pytest.param(CompiledEngine, marks=needs_compiler), VirtualMachine]
 SPEC = run_spec(controller__kind="unconstrained")
 
 
@@ -32,7 +33,7 @@ def _whole(engine: Callable[[ClosedLoop], Engine]) -> tuple[ClosedLoop, Array, N
     return loop, rows, steps, engine(loop).run(rows, steps, record=True)
 
 
-@pytest.mark.parametrize("engine", [pytest.param(CompiledEngine, marks=needs_compiler), VirtualMachine])
+@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("sign", ["<", "<="])
 @pytest.mark.parametrize("run", [0, 5, 9])
 def test_a_run_is_given_up_exactly_where_its_metric_refuses_it(
@@ -51,6 +52,28 @@ def test_a_run_is_given_up_exactly_where_its_metric_refuses_it(
     errors = column(loop, whole, "tip_error")
     beyond = errors >= worst[run] if sign == "<" else errors > worst[run]
     np.testing.assert_array_equal(batch.ends, np.where(good, whole.ends, beyond.argmax(axis=1)))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_of_a_series_the_first_that_passes_is_found_and_later_ones_are_left_out(
+    engine: Callable[[ClosedLoop], Engine], jobs: int
+) -> None:
+    loop, rows, steps, whole = _whole(engine)
+    worst = whole.metrics[:, [metric.name for metric in loop.metrics].index("tip_error_max")]
+    tried = engine(closed_loop(SPEC, record=False, wanted=(Condition("tip_error_max", "<", float(np.median(worst))),)))
+    order, series = np.random.default_rng(4).integers(0, RUNS, 300), np.arange(300) % 20
+    every = tried.run(rows[order], steps[order])
+    some = tried.run(rows[order], steps[order], series=series, jobs=jobs)
+    begun = some.stops != LEFT_OUT
+    for name in ("metrics", "ends", "stops"):
+        assert getattr(some, name)[begun].tobytes() == getattr(every, name)[begun].tobytes(), name
+    for one in range(20):
+        passed = every.stops[series == one] == 0
+        first = passed.argmax()
+        assert passed[first]
+        assert begun[series == one][: first + 1].all()
+        assert not begun[series == one][-1], "long after the first that passed"
 
 
 @pytest.mark.parametrize(
@@ -84,3 +107,17 @@ def _decided(reduction: Reduction, sign: str, total: float, code: float) -> floa
     metric, totals, given = Metric("m", "s", reduction, "1", "tested"), ca.SX.sym("totals"), ca.SX.sym("code")
     decided = given_up(given, (Condition("m", sign, 1.0), Condition("other", "<", 0.0)), (metric,), totals)
     return float(ca.Function("f", [given, totals], [decided])(code, total))
+
+
+def test_all_are_decided_only_by_running_extremes() -> None:
+    rows: list[tuple[str, str, Reduction]] = [("most", "s", "max"), ("mean", "s", "mean"), ("worst", "", "max")]
+    metrics = tuple(Metric(*row, "1", "tested") for row in rows)
+    for texts, decided in (
+        (["most < 1"], True),
+        (["most < 1", "most <= 2"], True),
+        (["most < 1", "most > 0"], False),
+        (["most < 1", "mean < 1"], False),
+        (["worst < 1"], False),
+        (["gone < 1"], False),
+    ):
+        assert all_decided(tuple(Condition.of(text) for text in texts), metrics) == decided, texts

@@ -28,13 +28,17 @@ static void advance(Workspace *w, int64_t k)
 #endif
 }
 
-/* Row-major arrays, one row a run: parameters, metrics, states; record is (runs, stride, N_SIGNALS) or null.
+/* Arrays with a row for each run; record is (runs, stride, N_SIGNALS) or null. Runs begin in the order given.
    begins: null for fresh runs, else the sample at which each goes on, from its row of states. A run that pauses
-   (stop -1) leaves the state before that step in its row of states, and its sample in ends. */
+   (stop -1) leaves the state before that step in its row of states, and its sample in ends.
+   series: null, or a number of the series that each run is of. Once one has ended without a stop, so that it stands in
+   passed, those behind it that no lane has taken are left out (stop -2); threads may share passed. */
 typedef struct {
-    int64_t count, stride;
+    int64_t stride;
+    const int64_t *order;
     const double *parameters;
-    const int64_t *n_steps, *begins;
+    const int64_t *n_steps, *begins, *series;
+    int64_t *passed;
     double *metrics, *record, *states;
     int64_t *ends, *stops;
 } Runs;
@@ -46,44 +50,58 @@ typedef struct {
     Workspace at;
     V parameters[AT_LEAST_1(N_PARAMETERS)], state[AT_LEAST_1(N_STATE)], constants[AT_LEAST_1(N_CONSTANTS)];
     V end_state[AT_LEAST_1(N_STATE)], end_constants[AT_LEAST_1(N_CONSTANTS)], metrics[AT_LEAST_1(N_METRICS)];
-    int64_t begun, taken, ended[LANES]; /* runs begun, and of them taken by a lane; runs that wait for metrics */
-    int waiting;
+    int64_t next, last;                /* places in the order: of the run to begin next, and behind the last one */
+    int64_t begun[LANES], ended[LANES]; /* runs that wait for a lane, or for their metrics */
+    int held, taken, waiting;          /* how many were begun, and of them taken; how many wait for metrics */
     Lane lanes[LANES];
 } Group;
 
 static int64_t begin_of(const Runs *of, int64_t run) { return of->begins ? of->begins[run] : 0; }
 
-/* The next LANES runs begin, aside: the lanes take them one by one. */
-static void begin_runs(Group *g, const Runs *of)
+static int left_out(const Runs *of, int64_t run)
 {
+    if (!of->series || run < __atomic_load_n(&of->passed[of->series[run]], __ATOMIC_RELAXED)) return 0;
+    of->stops[run] = -2;
+    return 1;
+}
+
+/* The next LANES runs begin, aside: the lanes take them one by one. */
+static int begin_runs(Group *g, const Runs *of)
+{
+    g->taken = g->held = 0;
+    for (; g->held < LANES && g->next < g->last; ++g->next)
+        if (!left_out(of, of->order[g->next])) g->begun[g->held++] = of->order[g->next];
+    if (!g->held) return 0;
     FOR_LANES(i) {
-        int64_t run = g->begun + i < of->count ? g->begun + i : of->count - 1; /* spare ones repeat the last run */
+        int64_t run = g->begun[i < g->held ? i : g->held - 1]; /* spare ones repeat the last run */
         for (int j = 0; j < N_PARAMETERS; ++j) LANE(g->parameters[j], i) = of->parameters[run * N_PARAMETERS + j];
     }
     fzcli_initial(g->parameters, g->state, g->constants);
     if (of->begins) {
-        FOR_LANES(i) if (g->begun + i < of->count)
-            for (int j = 0; j < N_STATE; ++j) LANE(g->state[j], i) = of->states[(g->begun + i) * N_STATE + j];
+        for (int i = 0; i < g->held; ++i)
+            for (int j = 0; j < N_STATE; ++j) LANE(g->state[j], i) = of->states[g->begun[i] * N_STATE + j];
     }
-    g->begun += LANES;
+    return 1;
 }
 
 /* Lane i takes the next run, if there is one, which begins at step k: as if the lane had never run another. */
 static int take_run(Group *g, const Runs *of, int i, int64_t k)
 {
     Workspace *w = &g->at;
+    int from;
     g->lanes[i].run = -1;
-    if (g->taken == of->count) return 0;
-    if (g->taken == g->begun) begin_runs(g, of);
-    int from = (int)(g->taken % LANES);
+    do {
+        if (g->taken == g->held && !begin_runs(g, of)) return 0;
+        from = g->taken++;
+    } while (left_out(of, g->begun[from]));
     for (int j = 0; j < N_STATE; ++j) LANE(w->state[k & 1][j], i) = LANE(g->state[j], from);
     for (int j = 0; j < N_CONSTANTS; ++j) LANE(w->constants[j], i) = LANE(g->constants[j], from);
     for (int j = 0; j < N_SAMPLES; ++j) {
         LANE(w->sums[j], i) = 0.0;
         for (int old = 0; old < HISTORY_LENGTH; ++old) LANE(w->ring[old][j], i) = 0.0;
     }
-    g->lanes[i] = (Lane){g->taken, k, k + of->n_steps[g->taken] - begin_of(of, g->taken)};
-    g->taken += 1;
+    int64_t run = g->begun[from];
+    g->lanes[i] = (Lane){run, k, k + of->n_steps[run] - begin_of(of, run)};
     return 1;
 }
 
@@ -103,6 +121,7 @@ static void end_run(Group *g, const Runs *of, int i, int64_t k)
     int64_t run = g->lanes[i].run;
     of->ends[run] = begin_of(of, run) + k - g->lanes[i].first;
     of->stops[run] = (int64_t)LANE(w->stop[0], i);
+    if (of->series && of->stops[run] == 0) __atomic_store_n(&of->passed[of->series[run]], run, __ATOMIC_RELAXED);
     if (of->stops[run] < 0)
         for (int j = 0; j < N_STATE; ++j) of->states[run * N_STATE + j] = LANE(w->state[k & 1][j], i);
     for (int j = 0; j < N_STATE; ++j) LANE(g->end_state[j], g->waiting) = LANE(w->state[~k & 1][j], i);
@@ -120,45 +139,44 @@ static void record_sample(const Group *g, const Runs *of, int64_t k)
     }
 }
 
-/* All runs; a lane whose run has ended takes the next one, so that none idles before the last runs. */
-static void roll_out(Group *g, const Runs *of)
+/* Runs from place first in the order to the one before last; a lane whose run has ended takes the next. */
+static void roll_out(Group *g, const Runs *of, int64_t first, int64_t last)
 {
     int running = 0;
-    int64_t last = INT64_MAX; /* the step at which the next run ends if none stops before */
+    int64_t until = INT64_MAX; /* the step at which the next run ends if none stops before */
     memset(g, 0, sizeof *g);
+    g->next = first;
+    g->last = last;
     FOR_LANES(i) running += take_run(g, of, i, 0);
     FOR_LANES(i) if (running && g->lanes[i].run < 0) { /* numbers like any, for a spare lane */
         for (int j = 0; j < N_STATE; ++j) LANE(g->at.state[0][j], i) = LANE(g->state[j], 0);
         for (int j = 0; j < N_CONSTANTS; ++j) LANE(g->at.constants[j], i) = LANE(g->constants[j], 0);
     }
-    FOR_LANES(i) if (g->lanes[i].run >= 0 && g->lanes[i].last < last) last = g->lanes[i].last;
+    FOR_LANES(i) if (g->lanes[i].run >= 0 && g->lanes[i].last < until) until = g->lanes[i].last;
     for (int64_t k = 0; running > 0; ++k) {
         int stopped = 0;
         advance(&g->at, k);
         if (of->record) record_sample(g, of, k);
         FOR_LANES(i) stopped |= LANE(g->at.stop[0], i) != 0.0;
-        if (k < last && !stopped) continue;
-        last = INT64_MAX;
+        if (k < until && !stopped) continue;
+        until = INT64_MAX;
         FOR_LANES(i) if (g->lanes[i].run >= 0) {
             if (k == g->lanes[i].last || LANE(g->at.stop[0], i) != 0.0) {
                 end_run(g, of, i, k);
                 if (!take_run(g, of, i, k + 1)) running -= 1;
             }
-            if (g->lanes[i].run >= 0 && g->lanes[i].last < last) last = g->lanes[i].last;
+            if (g->lanes[i].run >= 0 && g->lanes[i].last < until) until = g->lanes[i].last;
         }
     }
     if (g->waiting) finish_runs(g, of);
 }
 
-/* Arrays as of Runs. Returns 0, or 1 when there is no memory for the lanes. */
-EXPORT int fzcli_rollouts(int64_t runs, const double *parameters, const int64_t *n_steps, double *metrics,
-                          int64_t *ends, int64_t *stops, double *record, int64_t stride, const int64_t *begins,
-                          double *states)
+/* Runs from place first in the order to the one before last. Returns 0, or 1 when there is no memory for the lanes. */
+EXPORT int fzcli_rollouts(const Runs *of, int64_t first, int64_t last)
 {
-    const Runs of = {runs, stride, parameters, n_steps, begins, metrics, record, states, ends, stops};
     char *block = malloc(sizeof(Group) + 64);
     if (!block) return 1;
-    roll_out((Group *)(((uintptr_t)block + 63) & ~(uintptr_t)63), &of);
+    roll_out((Group *)(((uintptr_t)block + 63) & ~(uintptr_t)63), of, first, last);
     free(block);
     return 0;
 }
