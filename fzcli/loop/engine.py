@@ -152,7 +152,8 @@ class CompiledEngine:
         }
         places = {name: array.ctypes.data for name, array in arrays.items() if array is not None}
         runs = _Runs(0 if batch.record is None else batch.record.shape[1], **places)
-        size = min(max(FEWEST, -(-len(steps) // (4 * jobs))), MOST)
+        parts = 4 * jobs if jobs > 1 else 1  # so that all threads end at about the same time
+        size = min(max(FEWEST, -(-len(steps) // parts)), MOST)
         starts = iter(range(0, len(steps), size))
 
         def work() -> Iterator[int]:
