@@ -11,7 +11,7 @@ from fzcli.sweep.builds import Builds, rows_of
 from fzcli.sweep.draws import candidates, sources
 from fzcli.sweep.execute import Listener, Means, load_sweep, sweep_to
 from fzcli.sweep.resolve import Sweep
-from fzcli.sweep.trajectories import draw_trajectories
+from fzcli.sweep.trajectories import draw_trajectories, trial_builds
 
 COUNT = 4000  # trajectories, by ten configurations
 JOBS = 2
@@ -41,13 +41,14 @@ def _sweep() -> Sweep:
 def _bare() -> float:
     """Runs a second when everything is drawn before and nothing is written; best of three."""
     sweep, builds = _sweep(), Builds()
-    drawing = draw_trajectories(sweep, builds, range(COUNT), JOBS)
+    trials = trial_builds(sweep)
+    drawing = draw_trajectories(sweep, trials, range(COUNT), JOBS)
     tried = int(drawing.candidates.sum())
     random = list(sources(sweep.file.trajectories, sweep.draws, range(tried)))
     every = np.arange(COUNT)
     work = [rows for spec in sweep.specs for rows in rows_of(builds, spec, sweep.draws, drawing.values, every)]
     if sweep.filter is not None:
-        work += rows_of(builds, sweep.filter, sweep.draws, candidates(sweep.draws, random), np.arange(tried))
+        work += rows_of(trials, sweep.filter, sweep.draws, candidates(sweep.draws, random), np.arange(tried))
     builds.compile(record=False, jobs=JOBS)
     best = np.inf
     for _ in range(3):

@@ -69,11 +69,12 @@ class AdaptiveMachine:
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
         resume: Resume | None = None,
+        series: NDArray[np.int64] | None = None,
     ) -> Batch:
         """See `Engine.run`. Raises IntegrationError where the step is too large for the method."""
         self._step.refusal = None
         batch = self._machine.run(
-            parameters, n_steps, record=record, jobs=jobs, progress=progress, resume=resume
+            parameters, n_steps, record=record, jobs=jobs, progress=progress, resume=resume, series=series
         )
         if self._step.refusal is not None:
             raise self._step.refusal

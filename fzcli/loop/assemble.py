@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,15 +15,19 @@ from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.torque_loop import with_replay
 from fzcli.model import RobotModel, build_model
 from fzcli.plan.registry import BASE_REFERENCES, TIP_REFERENCES
+from fzcli.spec.condition import Condition
 from fzcli.spec.quantity import Parameter
 
 Array = NDArray[np.float64]
 
 
-def closed_loop(spec: SimulateRun, record: bool, model: RobotModel | None = None) -> ClosedLoop:
+def closed_loop(
+    spec: SimulateRun, record: bool, model: RobotModel | None = None, wanted: tuple[Condition, ...] = ()
+) -> ClosedLoop:
     """Build the closed loop of a run; with ``record`` its step gives every signal.
 
-    ``model`` saves building the robot's model again.
+    ``model`` saves building the robot's model again. ``wanted``: conditions without which the run is of no use, so that
+    it is given up (`GIVEN_UP`) at the first sample after which its metrics cannot meet them; not of a replay's metrics.
     """
     model = model or build_model(spec.robot)
     tip, controller = getattr(spec.controller, "tip", None), _settled(spec)
@@ -37,6 +42,7 @@ def closed_loop(spec: SimulateRun, record: bool, model: RobotModel | None = None
         method=spec.method,
         drifting=spec.start.drifting,
         stop=spec.stop,
+        wanted=wanted if spec.replay is None else (),
     )
     if spec.replay is None:
         return build_closed_loop(parts, record)
@@ -71,10 +77,7 @@ def step_counts(loop: ClosedLoop, spec: SimulateRun, parameters: Array) -> NDArr
     Raises SpecError when neither ends.
     """
     given = spec.duration if spec.stop is None else spec.stop.after
-    if given is not None:
-        seconds = np.full(len(parameters), given)
-    else:
-        seconds = np.array(loop.duration.map(len(parameters))(parameters.T)).ravel()
+    seconds = _seconds(loop.duration, parameters) if given is None else np.full(len(parameters), given)
     if not np.isfinite(seconds).all():
         kind = spec.reference.kind
         raise SpecError(Problem(f"is missing: the reference {kind!r} has no end of its own", field="duration"))
@@ -84,6 +87,13 @@ def step_counts(loop: ClosedLoop, spec: SimulateRun, parameters: Array) -> NDArr
             Problem(f"{steps.max():.3g} steps in one run; at most {MOST_STEPS:.0e} are run", field="duration")
         )
     return steps.astype(np.int64)
+
+
+def _seconds(duration: ca.Function, parameters: Array) -> Array:
+    """What ``duration`` gives for every row: most often one of its numbers as it stands, which takes no call."""
+    if duration.n_instructions() == 2 and duration.instruction_id(0) == ca.OP_INPUT:
+        return np.asarray(parameters[:, duration.instruction_input(0)[1]])
+    return np.array(duration.map(len(parameters))(parameters.T)).ravel()
 
 
 MOST_STEPS = 10**8

@@ -14,7 +14,7 @@ from fzcli.loop.parts import Parts
 from fzcli.loop.reductions import Accumulators
 from fzcli.loop.search_loop import SearchLoop, search_loop
 from fzcli.loop.signals import state_signals
-from fzcli.loop.stops import stop_code
+from fzcli.loop.stops import given_up, stop_code
 from fzcli.model.algebra import rotate
 from fzcli.model.attitude import multiply, quaternion_from_matrix, rotation_matrix, starting_angles
 from fzcli.model.gauss_magnus import path_piece
@@ -128,6 +128,7 @@ def build_closed_loop(parts: Parts, record: bool) -> ClosedLoop:
         signals = state_signals(parts, plant_state, derivative, *_com(parts, symbols, count))
         signals |= goal.signals | {signal: sample.signals[signal.name] for signal in law.signals}
     stop = stop_code(parts, plant_state, moving, goal.arrived, sample.asks)
+    stop = given_up(stop, parts.wanted, metrics, totals.updated)
     held = {"state": state, "constants": ca.vertcat(*symbols.values())}
     given = {"parameters": layout.vector}
     first = ca.vertcat(start, certifier.memory0, totals.first, 0)

@@ -14,9 +14,10 @@ from fzcli.errors import EngineError
 from fzcli.loop.compiler import ISA_LANES, Compiler, build_library, find_compiler, host_isa
 from fzcli.loop.rollable import Rollable
 from fzcli.loop.source import c_source
+from fzcli.loop.stops import LEFT_OUT
 
 Array = NDArray[np.float64]
-CHUNK = 64  # runs that a thread takes at a time
+FEWEST, MOST = 64, 512  # runs that a thread takes at a time
 VM_LANES = 64
 
 
@@ -58,10 +59,12 @@ class Engine(Protocol):
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
         resume: Resume | None = None,
+        series: NDArray[np.int64] | None = None,
     ) -> Batch:
         """Run every row of ``parameters`` (runs, p) for its number of steps; ``progress`` gets run counts.
 
-        ``resume``: the runs were paused, and go on from there.
+        ``resume``: the runs were paused, and go on from there. ``series`` (runs): a number of the series that each is
+        of; once a run of one has ended without a stop, those behind it may be left out (stop `LEFT_OUT`).
         """
         ...
 
@@ -81,6 +84,16 @@ def empty_batch(loop: Rollable, runs: int, n_steps: NDArray[np.int64], record: b
         np.zeros(runs, dtype=np.int64),
         np.full(shape, np.nan) if record else None,
         np.zeros((runs, loop.step.size1_in("state"))),
+    )
+
+
+class _Runs(ctypes.Structure):
+    """``Runs`` of the C driver: addresses of arrays."""
+
+    _fields_ = (
+        ("stride", ctypes.c_int64),
+        *((name, ctypes.c_void_p) for name in ("order", "parameters", "n_steps", "begins", "series", "passed")),
+        *((name, ctypes.c_void_p) for name in ("metrics", "record", "states", "ends", "stops")),
     )
 
 
@@ -107,7 +120,8 @@ class CompiledEngine:
         self.lanes = lanes or ISA_LANES[isa]
         self.name = "compiled"
         self.library = build_library(c_source(loop), self.lanes, compiler, isa, folder)
-        self.library.fzcli_rollouts.restype = ctypes.c_int
+        self._rollouts = self.library.fzcli_rollouts
+        self._rollouts.restype, self._rollouts.argtypes = ctypes.c_int, [ctypes.c_void_p, *[ctypes.c_int64] * 2]
 
     def run(
         self,
@@ -118,33 +132,39 @@ class CompiledEngine:
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
         resume: Resume | None = None,
+        series: NDArray[np.int64] | None = None,
     ) -> Batch:
-        """See `Engine.run`; runs of like length share lanes, so that few lanes idle."""
-        order = np.argsort(n_steps, kind="stable")
-        rows = np.ascontiguousarray(np.asarray(parameters, dtype=np.float64)[order])
-        steps = np.ascontiguousarray(np.asarray(n_steps, dtype=np.int64)[order])
-        ordered = empty_batch(self.loop, len(steps), steps, record)
-        begins = None
+        """See `Engine.run`; the longest runs begin first, so that few lanes idle at the end."""
+        steps = np.ascontiguousarray(n_steps, dtype=np.int64)
+        batch = empty_batch(self.loop, len(steps), steps, record)
+        order = np.arange(len(steps)) if series is not None else np.argsort(-steps, kind="stable")
         if resume is not None:
-            begins = np.ascontiguousarray(resume.begins[order])
-            ordered.states[:] = resume.states[order]
-        starts = iter(range(0, len(steps), CHUNK))
+            order = np.argsort(resume.begins - steps, kind="stable")
+            batch.states[:] = resume.states
+        arrays = {
+            "order": order,
+            "parameters": np.ascontiguousarray(parameters, dtype=np.float64),
+            "n_steps": steps,
+            "begins": resume and np.ascontiguousarray(resume.begins, dtype=np.int64),
+            "series": None if series is None else np.ascontiguousarray(series, dtype=np.int64),
+            "passed": None if series is None else np.full(longest(series) + 1, len(steps)),
+            **{name: getattr(batch, name) for name in ("metrics", "record", "states", "ends", "stops")},
+        }
+        places = {name: array.ctypes.data for name, array in arrays.items() if array is not None}
+        runs = _Runs(0 if batch.record is None else batch.record.shape[1], **places)
+        parts = 4 * jobs if jobs > 1 else 1  # so that all threads end at about the same time
+        size = min(max(FEWEST, -(-len(steps) // parts)), MOST)
+        starts = iter(range(0, len(steps), size))
 
         def work() -> Iterator[int]:
-            for start in starts:  # shared by all threads: whoever is free takes the next chunk
-                count = min(CHUNK, len(steps) - start)
-                self._run_chunk(rows, steps, ordered, start, count, begins)
-                yield count
+            for first in starts:  # shared by all threads: whoever is free takes the next chunk
+                last = min(first + size, len(steps))
+                if self._rollouts(ctypes.byref(runs), first, last):
+                    raise MemoryError("no memory for the lanes of a rollout")
+                yield last - first
 
-        self._spread(work, min(jobs, -(-len(steps) // CHUNK)), progress or _silent)
-        back = np.argsort(order, kind="stable")
-        return Batch(
-            ordered.metrics[back],
-            ordered.ends[back],
-            ordered.stops[back],
-            None if ordered.record is None else ordered.record[back],
-            ordered.states[back],
-        )
+        self._spread(work, min(jobs, -(-len(steps) // size)), progress or _silent)
+        return batch
 
     def _spread(self, work: Callable[[], Iterator[int]], jobs: int, progress: Callable[[int], None]) -> None:
         """Do the work on ``jobs`` threads. The calling one is among them and alone reports: a helper that
@@ -171,39 +191,9 @@ class CompiledEngine:
                 helper.result()
         progress(sum(finished[told:]))
 
-    def _run_chunk(
-        self,
-        rows: Array,
-        steps: NDArray[np.int64],
-        batch: Batch,
-        start: int,
-        count: int,
-        begins: NDArray[np.int64] | None,
-    ) -> None:
-        """Rows ``start`` to ``start + count`` of arrays that lie one run after the other."""
-        record = batch.record
-        failed = self.library.fzcli_rollouts(
-            ctypes.c_int64(count),
-            _row(rows, start),
-            _row(steps, start),
-            _row(batch.metrics, start),
-            _row(batch.ends, start),
-            _row(batch.stops, start),
-            None if record is None else _row(record, start),
-            ctypes.c_int64(0 if record is None else record.shape[1]),
-            None if begins is None else _row(begins, start),
-            _row(batch.states, start),
-        )
-        if failed:
-            raise MemoryError("no memory for the workspace of a rollout")
-
 
 def _silent(count: int) -> None:
     """Nobody listens."""
-
-
-def _row(array: NDArray[np.generic], start: int) -> ctypes.c_void_p:
-    return ctypes.c_void_p(array.ctypes.data + start * array.strides[0])
 
 
 class VirtualMachine:
@@ -222,18 +212,27 @@ class VirtualMachine:
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
         resume: Resume | None = None,
+        series: NDArray[np.int64] | None = None,
     ) -> Batch:
         """See `Engine.run`; ``jobs`` is ignored, the machine holds Python's lock."""
         n_steps = np.asarray(n_steps, dtype=np.int64)
         batch = empty_batch(self.loop, len(n_steps), n_steps, record)
-        order = np.argsort(n_steps, kind="stable")
-        for i in range(0, len(order), VM_LANES):
-            piece = order[i : i + VM_LANES]
-            rows = np.asarray(parameters, dtype=np.float64)[piece]
+        rows = np.asarray(parameters, dtype=np.float64)
+        left = np.argsort(n_steps, kind="stable") if series is None else np.arange(len(n_steps))
+        of = left if series is None else series
+        passed = np.zeros(longest(of) + 1, dtype=bool)
+        while len(left):
+            firsts = np.unique(of[left[:VM_LANES]], return_index=True)[1]  # one of a series at a time
+            piece = left[np.sort(firsts)]
             again = resume and Resume(resume.begins[piece], resume.states[piece])
-            self._run_piece(rows, n_steps[piece], batch, piece, again)
+            self._run_piece(rows[piece], n_steps[piece], batch, piece, again)
+            passed[of[piece[batch.stops[piece] == 0]]] = True
+            left = left[~np.isin(left, piece)]
+            left_out = passed[of[left]]
+            batch.stops[left[left_out]] = LEFT_OUT
+            left = left[~left_out]
             if progress:
-                progress(len(piece))
+                progress(len(piece) + int(left_out.sum()))
         return batch
 
     def _run_piece(

@@ -67,6 +67,7 @@ class SearchingEngine:
         jobs: int = 1,
         progress: Callable[[int], None] | None = None,
         resume: Resume | None = None,
+        series: NDArray[np.int64] | None = None,
     ) -> Batch:
         """See `Engine.run`."""
         parameters = np.asarray(parameters, dtype=np.float64)
@@ -75,7 +76,8 @@ class SearchingEngine:
         for first in range(0, max(1, len(n_steps)), BLOCK):
             part = slice(first, first + BLOCK)
             again = resume and Resume(resume.begins[part], resume.states[part])
-            pieces.append(self._run_block(parameters[part], n_steps[part], record, jobs, progress, again))
+            tries = None if series is None else series[part]
+            pieces.append(self._run_block(parameters[part], n_steps[part], record, jobs, progress, again, tries))
         return pieces[0] if len(pieces) == 1 else _joined(pieces, n_steps)
 
     def _run_block(
@@ -86,8 +88,9 @@ class SearchingEngine:
         jobs: int,
         progress: Callable[[int], None] | None,
         resume: Resume | None,
+        series: NDArray[np.int64] | None,
     ) -> Batch:
-        batch = self.engine.run(parameters, n_steps, record=record, jobs=jobs, resume=resume)
+        batch = self.engine.run(parameters, n_steps, record=record, jobs=jobs, resume=resume, series=series)
         waiting = np.flatnonzero(batch.stops == PAUSED)
         told = len(n_steps) - len(waiting)
         if progress:

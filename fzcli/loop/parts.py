@@ -7,13 +7,15 @@ from fzcli.loop.plant import Plant
 from fzcli.loop.run_spec import StopSpec
 from fzcli.model import RobotModel
 from fzcli.plan.reference import BaseReference, TipReference
+from fzcli.spec.condition import Condition
 
 
 @dataclass(frozen=True)
 class Parts:
     """The parts, each under its own contract; ``drifting``: the system starts with momentum.
 
-    ``stop``: when a run with a target has arrived; None where that is not asked.
+    ``stop``: when a run with a target has arrived; None where that is not asked. ``wanted``: what the run's metrics
+    must meet; a run that is seen to miss it is given up.
     """
 
     model: RobotModel
@@ -26,3 +28,4 @@ class Parts:
     method: str
     drifting: bool
     stop: StopSpec | None = None
+    wanted: tuple[Condition, ...] = ()

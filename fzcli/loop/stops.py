@@ -1,5 +1,7 @@
 """What ends a run before its time: each condition has a code, a name and advice."""
 
+import operator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -7,6 +9,8 @@ import casadi as ca
 from fzcli.loop.parts import Parts
 from fzcli.model.algebra import dot
 from fzcli.model.attitude import rotation_matrix
+from fzcli.spec.condition import Condition
+from fzcli.spec.quantity import Metric
 
 # Where a run is stopped as diverged: rad or m in one step, all joints and the base together. Far beyond
 # any motion that means something, so that the unstable runs of the paper's Table 2 run to their end.
@@ -46,6 +50,8 @@ STOP_REASONS = {
     3: StopReason("arrived", "the tip has reached its target", "", failed=False),
 }
 PAUSED = -1  # the law asks for its search before this step; never the end of a run
+LEFT_OUT = -2  # of a run that was not begun, as another of its series has ended without a stop
+GIVEN_UP = 5  # of a run that is only tried: whatever comes, it will not meet what is wanted of it
 FAILURES = tuple(code for code, why in STOP_REASONS.items() if why.failed)
 
 
@@ -61,3 +67,31 @@ def stop_code(parts: Parts, plant_state: ca.SX, derivative: ca.SX, arrived: ca.S
         cosine2 = R[2, 1] * R[2, 1] + R[2, 2] * R[2, 2]
         code = ca.if_else(cosine2 < NEAREST_PITCH, 2.0, code)  # the cause, where both hold
     return code
+
+
+def given_up(code: ca.SX, wanted: tuple[Condition, ...], metrics: tuple[Metric, ...], totals: ca.SX) -> ca.SX:
+    """``code``, but `GIVEN_UP` where a run would go on in vain.
+
+    ``totals`` (k): the running totals of the first k ``metrics``, this sample included. The largest so far never
+    falls, and the smallest never rises: one beyond its limit is beyond it at the end, too.
+    """
+    for metric, total in zip(metrics, ca.vertsplit(totals), strict=False):
+        for condition in wanted:
+            if condition.metric == metric.name and (metric.reduction, condition.sign) in _BEYOND:
+                beyond = _BEYOND[metric.reduction, condition.sign](total, condition.limit)
+                code = ca.if_else(ca.logic_and(code == 0, beyond), float(GIVEN_UP), code)
+    return code
+
+
+def all_decided(wanted: tuple[Condition, ...], metrics: tuple[Metric, ...]) -> bool:
+    """Whether each of the conditions ends a run that does not meet it, so that one without a stop meets them all."""
+    reductions = {metric.name: metric.reduction for metric in metrics if metric.signal}
+    return all((reductions.get(one.metric, "last"), one.sign) in _BEYOND for one in wanted)
+
+
+_BEYOND: dict[tuple[str, str], Callable[[ca.SX, float], ca.SX]] = {
+    ("max", "<"): operator.ge,
+    ("max", "<="): operator.gt,
+    ("min", ">"): operator.le,
+    ("min", ">="): operator.lt,
+}

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,9 @@ from fzcli.loop.closed_loop import ClosedLoop
 from fzcli.loop.engine import Engine
 from fzcli.loop.events import make_engine
 from fzcli.loop.run_spec import SimulateRun
+from fzcli.loop.stops import all_decided
 from fzcli.model import RobotModel, build_model
+from fzcli.spec.condition import Condition
 from fzcli.spec.hashing import spec_hash
 from fzcli.sweep.resolve import Drawn, with_values
 
@@ -30,12 +33,18 @@ class Build:
     spec: SimulateRun
     model: RobotModel
     make: EngineMaker = make_engine
+    wanted: tuple[Condition, ...] = ()
     engines: dict[bool, Engine] = field(default_factory=dict)
+
+    @cached_property
+    def decides(self) -> bool:
+        """Whether a run that ends without a stop meets all that is wanted."""
+        return bool(self.wanted) and all_decided(self.wanted, self.loop.metrics)
 
     def engine(self, record: bool) -> Engine:
         """The engine that reduces metrics only, or the one that records every signal."""
         if record not in self.engines:
-            loop = closed_loop(self.spec, record=True, model=self.model) if record else self.loop
+            loop = closed_loop(self.spec, True, self.model, self.wanted) if record else self.loop
             self.engines[record] = self.make(loop)
         return self.engines[record]
 
@@ -50,18 +59,25 @@ class Rows:
     steps: NDArray[np.int64]
 
 
+_Found = tuple[tuple[str, ...], str, Build]  # paths of what is not built in, the hash of all else, and the build
+
+
 class Builds:
     """All closed loops of a sweep so far, by what is built into them."""
 
     def __init__(
-        self, model: RobotModel | None = None, engine: EngineMaker = make_engine, like: "Builds | None" = None
+        self,
+        model: RobotModel | None = None,
+        engine: EngineMaker = make_engine,
+        like: "Builds | None" = None,
+        wanted: tuple[Condition, ...] = (),
     ) -> None:
         """``model``: of the one robot that all runs have, where it is built already; ``engine``: makes engines.
 
-        ``like``: whose builds these start with.
+        ``like``: whose builds these start with. ``wanted``: see `closed_loop`.
         """
-        self._model, self._engine = model, engine
-        self._found: list[tuple[tuple[str, ...], str, Build]] = list(like._found) if like else []
+        self._model, self._engine, self._wanted = model, engine, wanted
+        self._found: list[_Found] = list(like._found) if like else []
         self._known: dict[int, tuple[SimulateRun, Build]] = {}
         self._rows: dict[int, Array] = {}
         self._fields: dict[tuple[int, tuple[str, ...]], tuple[bool, ...]] = {}
@@ -92,13 +108,13 @@ class Builds:
     def _sought(self, spec: SimulateRun) -> Build:
         dump = spec.model_dump(mode="json", exclude=NOT_BUILT_IN)
         for paths, key, build in self._found:
-            if _key(dump, paths, spec.start.drifting) == key:
+            if build.wanted == self._wanted and _key(dump, paths, spec.start.drifting) == key:
                 return build
         model = self._model or next((b.model for _, _, b in self._found if b.spec.robot == spec.robot), None)
         model = model or build_model(spec.robot)
-        loop = closed_loop(spec, record=False, model=model)
+        loop = closed_loop(spec, False, model, self._wanted)
         paths = tuple(parameter.path for parameter in loop.parameters)
-        build = Build(loop, spec, model, self._engine)
+        build = Build(loop, spec, model, self._engine, self._wanted)
         self._found.append((paths, _key(dump, paths, spec.start.drifting), build))
         return build
 

@@ -1,15 +1,15 @@
 """Drawn trajectories: each has its own random numbers, or its own point of a layout, and is found by its index."""
 
 import decimal
-import math
+import functools
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.sweep.resolve import Drawn
+from fzcli.sweep.seeds import generators
 from fzcli.sweep.sweep_spec import Trajectories
 
 Array = NDArray[np.float64]
@@ -18,12 +18,12 @@ Array = NDArray[np.float64]
 class Source(Protocol):
     """Where random numbers come from: NumPy's generators, or a point of a layout."""
 
-    def random(self, size: int) -> Array:
-        """Numbers in [0, 1)."""
+    def random(self, *, out: Array) -> object:
+        """Numbers in [0, 1), as many as ``out`` takes."""
         ...
 
-    def standard_normal(self, size: int) -> Array:
-        """Normal numbers."""
+    def standard_normal(self, *, out: Array) -> object:
+        """Normal numbers, as many as ``out`` takes."""
         ...
 
     def integers(self, low: int) -> Any:
@@ -38,20 +38,23 @@ class Point:
         self._shares = shares
         self._taken = 0
 
-    def random(self, size: int) -> Array:
+    def random(self, *, out: Array) -> object:
         """The next coordinates."""
-        self._taken += size
-        return self._shares[self._taken - size : self._taken]
+        self._taken += out.size
+        out[:] = self._shares[self._taken - out.size : self._taken]
+        return out
 
-    def standard_normal(self, size: int) -> Array:
+    def standard_normal(self, *, out: Array) -> object:
         """Raises ValueError: a layout has none."""
-        raise ValueError(f"a layout has no {size} normal numbers")
+        raise ValueError(f"a layout has no {out.size} normal numbers")
 
     def integers(self, low: int) -> int:
         """The next coordinate as one of so many equal parts."""
-        return min(int(self.random(1)[0] * low), low - 1)
+        self._taken += 1
+        return min(int(self._shares[self._taken - 1] * low), low - 1)
 
 
+NO_LENGTH = 1e-8  # of a vector without a direction
 APART = "replay."  # fields with a stream of their own: the trajectories are those of a sweep without them
 Streams = tuple[Source, Source]  # of most fields, and of those apart
 
@@ -65,9 +68,9 @@ def sources(plan: Trajectories, draws: Sequence[Drawn], places: range) -> Iterat
     """Those of each trajectory of these places, counted from the plan's first."""
     if plan.sampling == "random":
         apart = any(one.path.startswith(APART) for one in draws)
-        for index in range(plan.first + places.start, plan.first + places.stop):
-            own = generator(plan.seed, index)
-            yield own, generator(plan.seed, index, 1) if apart else own
+        indices = range(plan.first + places.start, plan.first + places.stop)
+        own = generators(plan.seed, indices)
+        yield from zip(own, generators(plan.seed, indices, 1) if apart else own, strict=True)
         return
     width = sum(1 if one.distribution == "choice" else one.size for one in draws)
     points = _latin(width, plan.count, plan.seed) if plan.sampling == "latin_hypercube" else None
@@ -87,7 +90,7 @@ def _sobol(width: int, plan: Trajectories, places: range) -> Array:
     return np.concatenate([sequence.random(1) for _ in places])  # a block that is no power of two makes SciPy warn
 
 
-@lru_cache(maxsize=1)
+@functools.lru_cache(maxsize=1)
 def _latin(width: int, count: int, seed: int) -> Array:
     """All points of a Latin hypercube: each of ``count`` equal parts of every axis holds one of them."""
     from scipy.stats import qmc
@@ -103,64 +106,75 @@ def candidate(draws: Sequence[Drawn], random: Source, apart: Source | None = Non
 
 def candidates(draws: Sequence[Drawn], random: Sequence[Streams]) -> Array:
     """Drawn vectors (n, k), one from each source in turn; a source may stand there several times."""
-    parts = _parts(draws)
-    rows = [[value for size, stream, take in parts for value in take(streams[stream], size)] for streams in random]
-    raw = np.array(rows, dtype=np.float64).reshape(len(random), sum(one.size for one in draws))
+    raw = np.empty((len(random), sum(one.size for one in draws)))
+    parts = [(fill, stream, list(raw[:, columns])) for columns, stream, fill in _parts(draws)]
+    for i, streams in enumerate(random):
+        for fill, stream, rows in parts:
+            fill(streams[stream], rows[i])
     first = 0
     for one in draws:
         block = raw[:, first : first + one.size]
-        if one.distribution in ("uniform", "log_uniform", "normal"):
-            block[:] = _spread(one, block)
+        block[:] = _spread(one, block)
         first += one.size
     return raw
 
 
-_Take = Callable[[Source, int], list[float]]
+_Fill = Callable[[Source, Array], object]
 
 
-def _parts(draws: Sequence[Drawn]) -> list[tuple[int, int, _Take]]:
-    """How many numbers, from which stream and how they are taken; neighbours of the same kind are taken together."""
-    parts: list[tuple[int, int, _Take]] = []
+def _parts(draws: Sequence[Drawn]) -> list[tuple[slice, int, _Fill]]:
+    """Columns, which stream they are from, and how they are filled; neighbours of the same kind are filled together."""
+    parts: list[tuple[slice, int, _Fill]] = []
+    place = 0
     for one in draws:
-        size, stream, take = one.size, int(one.path.startswith(APART)), _taker(one)
-        if take is _random and parts and parts[-1][1:] == (stream, _random):
-            parts[-1] = parts[-1][0] + size, stream, _random
+        columns, stream, fill = slice(place, place + one.size), int(one.path.startswith(APART)), _filler(one)
+        if fill is _random and parts and parts[-1][1:] == (stream, _random):
+            parts[-1] = slice(parts[-1][0].start, columns.stop), stream, _random
         else:
-            parts.append((size, stream, take))
+            parts.append((columns, stream, fill))
+        place += one.size
     return parts
 
 
-def _taker(one: Drawn) -> _Take:
+def _filler(one: Drawn) -> _Fill:
     if one.distribution == "choice" and one.choices is not None:
-        choices: list[list[float]] = np.asarray(one.choices, dtype=np.float64).tolist()
+        choices = np.asarray(one.choices, dtype=np.float64)
 
-        def choose(source: Source, size: int) -> list[float]:
-            return choices[int(source.integers(len(choices)))]
+        def choose(source: Source, row: Array) -> None:
+            row[:] = choices[int(source.integers(len(choices)))]
 
         return choose
-    takers: dict[str, _Take] = {"sphere": _direction, "normal": _normal}
-    return takers.get(one.distribution, _random)
+    fillers: dict[str, _Fill] = {"sphere": _direction, "normal": _normal}
+    return fillers.get(one.distribution, _random)
 
 
-def _random(source: Source, size: int) -> list[float]:
-    return list(source.random(size).tolist())
+def _random(source: Source, row: Array) -> None:
+    source.random(out=row)
 
 
-def _normal(source: Source, size: int) -> list[float]:
-    return list(source.standard_normal(size).tolist())
+def _normal(source: Source, row: Array) -> None:
+    source.standard_normal(out=row)
 
 
-def _direction(source: Source, size: int) -> list[float]:
-    """Uniform on the unit sphere."""
-    while True:
-        parts = _normal(source, size)
-        length = math.sqrt(sum([part**2 for part in parts]))
-        if length > 1e-8:
-            return [part / length for part in parts]
+def _direction(source: Source, row: Array) -> None:
+    """Normal numbers that have a direction."""
+    source.standard_normal(out=row)
+    while abs(row.item(0)) < NO_LENGTH and _lengths(row[None, :])[0] < NO_LENGTH:
+        source.standard_normal(out=row)
+
+
+def _lengths(rows: Array) -> Array:
+    """Of vectors (n, k): by the power and the order of sums that sweeps have been drawn with, to the last bit."""
+    squares = np.array([number**2 for number in rows.ravel().tolist()]).reshape(rows.shape)
+    return np.asarray(np.sqrt(functools.reduce(np.add, squares.T)))
 
 
 def _spread(one: Drawn, raw: Array) -> Array:
-    """Numbers (n, k) of a distribution from plain ones."""
+    """Numbers (n, k) of a distribution from those that fill them."""
+    if one.distribution == "choice":
+        return raw
+    if one.distribution == "sphere":
+        return np.asarray(raw / _lengths(raw)[:, None])
     if one.distribution == "normal":
         return np.asarray(one.low + one.high * raw)
     if one.distribution == "log_uniform":

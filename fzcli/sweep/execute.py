@@ -243,7 +243,8 @@ def _pool(folder: Folder, worker: Worker, means: Means, listener: Listener, shar
     if means.dask is not None or means.scheduler_file is not None:
         from fzcli.sweep.engines.dask_cluster import DaskCluster
 
-        return DaskCluster(folder.path, folder.meaning.identity, means.dask or "", means.scheduler_file, jobs)
+        where = means.dask or "", means.scheduler_file
+        return DaskCluster(folder.path, folder.meaning.identity, *where, jobs, shards)
     processes = means.processes
     if processes is None:
         processes = folder.meaning.data["engine"] == "vm" and min(jobs, shards) > 1

@@ -73,6 +73,8 @@ class Folder:
             found = read_shard(self.shard(index), self.meaning.identity, index)
         except RecordError as error:
             return str(error)
+        if len(found.status) != self.layout.piece(index).runs:
+            return f"{self.shard(index)}: made by an fzcli that parts sweeps otherwise"
         now = versions()
         for name in DECISIVE:
             if found.versions[name] != now[name]:

@@ -53,6 +53,8 @@ def marked(
     count = len(piece.places)
     found: dict[int, Chosen] = {}
     for i, record in enumerate(records):
+        if not kept_by_shard(record):
+            continue
         for j, place in enumerate(piece.places):
             row = i * count + j
             role = _role(record, first + place, int(status[row]))

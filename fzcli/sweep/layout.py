@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fzcli.sweep.meaning import AnySweep
 from fzcli.sweep.resolve import Sweep
 
-SMALLEST, LARGEST = 64, 1024  # runs of a shard
+SMALLEST, LARGEST = 64, 2048  # runs of a shard
 PARTS = 16  # shards that a sweep has at least, where they do not become too small
 PLANS = 64  # a plan takes a thousand times longer than a run: shards of up to as many, as few as one
 LANES = 8  # trajectories come in whole vectors of lanes

@@ -17,6 +17,7 @@ from fzcli.loop.verdict import BOUNDED, JUDGED, OUTCOME, outcomes, status_codes
 from fzcli.loop.versions import versions
 from fzcli.record.shard_file import Shard
 from fzcli.record.sweep_record import KeptRun
+from fzcli.spec.condition import Condition
 from fzcli.spec.nearest import hint
 from fzcli.spec.quantity import Signal
 from fzcli.spec.result import STATUS_NAMES
@@ -25,8 +26,7 @@ from fzcli.sweep.crashed import note_crashed
 from fzcli.sweep.kept_runs import UNSAID, Chosen, marked
 from fzcli.sweep.layout import Piece
 from fzcli.sweep.resolve import Sweep
-from fzcli.sweep.sweep_spec import Condition
-from fzcli.sweep.trajectories import draw_trajectories
+from fzcli.sweep.trajectories import draw_trajectories, trial_builds
 
 Array = NDArray[np.float64]
 Progress = Callable[[int], None]
@@ -40,6 +40,7 @@ class Simulations:
         self.identity = identity
         self.jobs = jobs
         self._builds = Builds()
+        self._trials = Builds()  # of the filter
         self._lock = Lock()
         self._compiled = False
 
@@ -58,9 +59,12 @@ class Simulations:
         """Make all engines, several compilers at a time."""
         with self._lock:
             if not self._compiled:
-                for spec in [*self.sweep.specs, *([self.sweep.filter] if self.sweep.filter else [])]:
+                for spec in self.sweep.specs:
                     self._builds.of(spec)
-                self._builds.compile(record=False, jobs=jobs)
+                self._trials = trial_builds(self.sweep, self._builds)
+                if self.sweep.filter is not None:
+                    self._trials.of(self.sweep.filter)
+                self._trials.compile(record=False, jobs=jobs)
                 self._compiled = True
 
     def shard(self, piece: Piece, skip: frozenset[int] = frozenset(), progress: Progress | None = None) -> Shard:
@@ -69,7 +73,7 @@ class Simulations:
         Raises FilterError where a trajectory finds no candidate.
         """
         self.compile(self.jobs)
-        drawing = draw_trajectories(self.sweep, self._builds, piece.places, self.jobs)
+        drawing = draw_trajectories(self.sweep, self._trials, piece.places, self.jobs)
         every = list(self._rows(piece, drawing.values, skip))
         columns, status = self._roll_out(piece, every, skip, progress)
         loops = list({id(rows.build): rows.build.loop for rows in every}.values())
@@ -93,7 +97,8 @@ class Simulations:
 
     def probe(self, piece: Piece, rows: range) -> None:
         """Run only these rows of a shard, for nothing but to see whether they come back."""
-        drawing = draw_trajectories(self.sweep, self._builds, piece.places, self.jobs)
+        self.compile(self.jobs)
+        drawing = draw_trajectories(self.sweep, self._trials, piece.places, self.jobs)
         others = frozenset(range(piece.runs)) - frozenset(rows)
         self._roll_out(piece, list(self._rows(piece, drawing.values, others)), others, None)
 
@@ -177,7 +182,7 @@ def _by_build(
         groups.setdefault(id(rows.build), []).append(rows)
     for members in groups.values():
         runs = np.concatenate([rows.runs for rows in members])
-        wanted = ~np.isin(runs, list(skip))
+        wanted = ~np.isin(runs, list(skip)) if skip else np.ones(len(runs), dtype=bool)
         if wanted.any():
             parameters = np.concatenate([rows.parameters for rows in members])[wanted]
             steps = np.concatenate([rows.steps for rows in members])[wanted]

@@ -1,17 +1,14 @@
 """What a sweep file says: which runs, drawn how, tabulated how. The run's own fields stand beside these."""
 
-import re
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from fzcli.loop.run_spec import RecordSpec
 from fzcli.spec.base import SpecModel
+from fzcli.spec.condition import Condition
 from fzcli.spec.nearest import hint
 from fzcli.sweep.scene_spec import SceneDraw
-
-_CONDITION = re.compile(r"\s*([A-Za-z_]\w*)\s*(<=|>=|<|>)\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*")
 
 MOST_LAID_OUT = 1_000_000
 DISTRIBUTIONS = {
@@ -21,23 +18,6 @@ DISTRIBUTIONS = {
     "sphere": None,
     "choice": None,
 }
-
-
-@dataclass(frozen=True)
-class Condition:
-    """A comparison of a metric with a number; NaN never meets one."""
-
-    metric: str
-    sign: str
-    limit: float
-
-    @staticmethod
-    def of(text: str) -> "Condition":
-        """From text such as ``tip_error_max < 1e-2``. Raises ValueError for anything else."""
-        match = _CONDITION.fullmatch(text)
-        if match is None:
-            raise ValueError(f"must be METRIC < NUMBER (or <=, >, >=), got {text!r}")
-        return Condition(match[1], match[2], float(match[3]))
 
 
 class Draw(SpecModel):

@@ -1,5 +1,6 @@
 """The drawn trajectories of a sweep, filtered where it asks for a filter."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,13 +12,15 @@ from fzcli.errors import FzcliError
 from fzcli.loop.engine import Batch
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.spec.base import SpecModel
+from fzcli.spec.condition import Condition
+from fzcli.spec.quantity import Metric
 from fzcli.sweep.builds import Builds, rows_of, split
 from fzcli.sweep.draws import candidates, sources
 from fzcli.sweep.resolve import Sweep, with_values
-from fzcli.sweep.sweep_spec import Condition
 
 Array = NDArray[np.float64]
-TOGETHER = 16  # candidates that are tried together at least
+FULL = 16  # candidates that are tried together at least, so that lanes are full
+TOGETHER, MOST_TOGETHER = 64, 1024  # the same, and at most, where those that need not be run are left out
 
 
 class FilterError(FzcliError):
@@ -32,10 +35,20 @@ class Drawing:
     candidates: NDArray[np.int64]
 
 
+def trial_builds(sweep: Sweep, like: Builds | None = None) -> Builds:
+    """For the runs that candidates are tried with: they end as soon as they cannot pass. ``like``: as of `Builds`."""
+    return Builds(like=like, wanted=_conditions(sweep))
+
+
+def _conditions(sweep: Sweep) -> tuple[Condition, ...]:
+    keep_if = sweep.file.trajectories.keep_if
+    return () if keep_if is None else tuple(Condition.of(text) for text in keep_if.that)
+
+
 def draw_trajectories(sweep: Sweep, builds: Builds, places: range, jobs: int = 1) -> Drawing:
     """Draw the trajectories of these places, counted from the first; with a filter, candidates until one passes.
 
-    Raises FilterError when a trajectory passes none of the candidates it may try.
+    ``builds``: `trial_builds`. Raises FilterError when a trajectory passes none of the candidates it may try.
     """
     plan, count = sweep.file.trajectories, len(places)
     random = list(sources(plan, sweep.draws, places))
@@ -43,35 +56,63 @@ def draw_trajectories(sweep: Sweep, builds: Builds, places: range, jobs: int = 1
         values = candidates(sweep.draws, random)
         _check(sweep, values, [plan.first + place for place in places])
         return Drawing(values, np.ones(count, dtype=np.int64))
-    conditions = [Condition.of(text) for text in plan.keep_if.that]
+    trials = _Trials(sweep, builds, sweep.filter, _conditions(sweep), jobs)
     values, tried = np.zeros((count, sum(one.size for one in sweep.draws))), np.zeros(count, dtype=np.int64)
-    waiting = np.arange(count)
-    while len(waiting) and tried[waiting[0]] < plan.keep_if.most:
-        ahead = _ahead(sweep, len(waiting), plan.keep_if.most - int(tried[waiting[0]]))
-        every = candidates(sweep.draws, [random[place] for place in waiting for _ in range(ahead)])
-        block = every.reshape(len(waiting), ahead, -1)
-        _check(sweep, block[:, 0], [plan.first + places[int(place)] for place in waiting])
-        passed = _pass(sweep, builds, every, conditions, jobs).reshape(len(waiting), ahead)
-        found, first = passed.any(axis=1), passed.argmax(axis=1)
-        values[waiting] = block[np.arange(len(waiting)), np.where(found, first, ahead - 1)]
+    waiting, most = np.arange(count), plan.keep_if.most
+    while len(waiting) and tried[waiting[0]] < most:
+        share = (count - len(waiting) + 1) / (tried.sum() + 1)
+        ahead = trials.ahead(len(waiting), most - int(tried[waiting[0]]), share)
+        every = candidates(sweep.draws, [random[place] for _ in range(ahead) for place in waiting])
+        block = every.reshape(ahead, len(waiting), -1)
+        _check(sweep, block[0], [plan.first + places[int(place)] for place in waiting])
+        passed = trials.passed(every, len(waiting))
+        found, first = passed.any(axis=0), passed.argmax(axis=0)
+        values[waiting] = block[first, np.arange(len(waiting))]
         tried[waiting] += np.where(found, first + 1, ahead)
         waiting = waiting[~found]
     if not len(waiting):
         return Drawing(values, tried)
     raise FilterError(
-        f"trajectories.keep_if: trajectory {plan.first + places[int(waiting[0])]} passed none of {plan.keep_if.most} "
+        f"trajectories.keep_if: trajectory {plan.first + places[int(waiting[0])]} passed none of {most} "
         f"candidates ({count - len(waiting)} of {count} trajectories found); loosen the conditions"
     )
 
 
-def _ahead(sweep: Sweep, waiting: int, left: int) -> int:
-    """Candidates of each trajectory that are tried together, so that lanes are full; the first that passes is it.
+@dataclass(frozen=True)
+class _Trials:
+    """The filter's run on candidates."""
 
-    Of normal numbers one at a time: a candidate beyond the first that passes must not be refused for its values.
-    """
-    if any(one.distribution == "normal" for one in sweep.draws):
-        return 1
-    return max(1, min(left, TOGETHER // waiting))
+    sweep: Sweep
+    builds: Builds
+    run: SimulateRun
+    conditions: tuple[Condition, ...]
+    jobs: int
+
+    def ahead(self, waiting: int, left: int, share: float) -> int:
+        """Candidates of each trajectory that are tried together; the first that passes is it.
+
+        ``share``: of those tried so far, how many passed. Of normal numbers one at a time: a candidate beyond the first
+        that passes must not be refused for its values.
+        """
+        if any(one.distribution == "normal" for one in self.sweep.draws):
+            return 1
+        fewest, most = FULL // waiting, FULL // waiting
+        if self.builds.of(self.run).decides:  # those beyond the first that passes are drawn, but hardly run
+            fewest, most = TOGETHER // waiting, MOST_TOGETHER // waiting
+        return max(1, min(left, most, max(fewest, math.ceil(2 / share))))
+
+    def passed(self, values: Array, waiting: int) -> NDArray[np.bool_]:
+        """Which of the candidates (first ones of all trajectories, then second ones) pass, (candidates, trajectories).
+
+        Not all that are behind the first that passes.
+        """
+        passed = np.zeros(len(values), dtype=bool)
+        for rows in rows_of(self.builds, self.run, self.sweep.draws, values, np.arange(len(values))):
+            engine = rows.build.engine(record=False)
+            series = rows.runs % waiting if rows.build.decides else None
+            batch = engine.run(rows.parameters, rows.steps, jobs=self.jobs, series=series)
+            passed[rows.runs] = _meets(engine.loop.metrics, batch, self.conditions)
+        return passed.reshape(-1, waiting)
 
 
 def _check(sweep: Sweep, rows: Array, indices: Sequence[int]) -> None:
@@ -80,8 +121,10 @@ def _check(sweep: Sweep, rows: Array, indices: Sequence[int]) -> None:
     Raises FilterError for a number that the field could not have in a file.
     """
     for one in sweep.draws:
+        if one.distribution != "normal":
+            continue
         spec = next((spec for spec in sweep.specs if spec.has(one.path)), None)
-        if one.distribution == "normal" and spec is not None:
+        if spec is not None:
             for values, index in zip(rows, indices, strict=True):
                 _check_field(spec, one.path, split(sweep.draws, values)[one.path], index)
 
@@ -100,24 +143,12 @@ def _check_field(spec: SimulateRun, path: str, values: Array, index: int) -> Non
         ) from None
 
 
-def _pass(
-    sweep: Sweep, builds: Builds, values: Array, conditions: list[Condition], jobs: int
+def _meets(
+    metrics: tuple[Metric, ...], batch: Batch, conditions: tuple[Condition, ...]
 ) -> NDArray[np.bool_]:
-    """Which candidates meet all conditions; a run that was stopped meets none."""
-    passed = np.ones(len(values), dtype=bool)
-    if sweep.filter is None:
-        return passed
-    for rows in rows_of(builds, sweep.filter, sweep.draws, values, np.arange(len(values))):
-        batch = rows.build.engine(record=False).run(rows.parameters, rows.steps, jobs=jobs)
-        passed[rows.runs] = _meets(rows.build.engine(record=False).loop.metrics, batch, conditions)
-    return passed
-
-
-def _meets(metrics: tuple[object, ...], batch: Batch, conditions: list[Condition]) -> NDArray[np.bool_]:
-    names = [getattr(metric, "name", "") for metric in metrics]
+    """Which runs meet all conditions; one that was stopped meets none."""
+    names = [metric.name for metric in metrics]
     good = np.asarray(batch.stops == 0)
     for condition in conditions:
-        values = batch.metrics[:, names.index(condition.metric)]
-        compare = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}[condition.sign]
-        good &= compare(values, condition.limit)
+        good &= condition.met_by(batch.metrics[:, names.index(condition.metric)])
     return good

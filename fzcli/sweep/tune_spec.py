@@ -8,13 +8,13 @@ from pydantic import Field, field_validator, model_validator
 from fzcli.errors import SpecError
 from fzcli.loop.run_spec import SimulateRun
 from fzcli.spec.base import SpecModel
+from fzcli.spec.condition import Condition
 from fzcli.spec.document import Document, Node
 from fzcli.spec.load import check_kind
 from fzcli.spec.overlay import overlaid, without
 from fzcli.spec.parse import parse
 from fzcli.spec.sets import apply_sets
 from fzcli.sweep.resolve import Sweep, resolve
-from fzcli.sweep.sweep_spec import Condition
 from fzcli.sweep.vary import numbers_at
 
 

@@ -26,12 +26,12 @@ from fzcli.loop.run_spec import SimulateRun
 from fzcli.loop.versions import versions
 from fzcli.model import RobotModel, build_model
 from fzcli.record.hdf5 import replacing
+from fzcli.spec.condition import Condition
 from fzcli.spec.hashing import spec_hash
 from fzcli.spec.nearest import hint
 from fzcli.sweep.builds import Builds, rows_of
 from fzcli.sweep.meaning import SHORT, meaning_of
-from fzcli.sweep.sweep_spec import Condition
-from fzcli.sweep.trajectories import draw_trajectories
+from fzcli.sweep.trajectories import draw_trajectories, trial_builds
 from fzcli.sweep.tune_scores import Change, Runs, Score, append, joined, read_journal
 from fzcli.sweep.tune_spec import Tuning
 from fzcli.sweep.vary import changed, rounded
@@ -39,7 +39,6 @@ from fzcli.sweep.vary import changed, rounded
 Array = NDArray[np.float64]
 Tell = Callable[[str, int, int], None]
 Stop = Callable[[], bool]
-COMPARE = {"<": np.less, "<=": np.less_equal, ">": np.greater, ">=": np.greater_equal}
 
 
 @dataclass(frozen=True)
@@ -125,7 +124,7 @@ class _Search:
         count = self.sweep.file.trajectories.count
         self.seen = range(max(1, count - int(count * self.section.held_out)))
         self.tell("drawing", 0, 1)
-        self.drawn = draw_trajectories(self.sweep, Builds(), range(count), jobs).values
+        self.drawn = draw_trajectories(self.sweep, trial_builds(self.sweep), range(count), jobs).values
 
     def run(self, identity: str) -> Tuned:
         """The whole evolution."""
@@ -242,7 +241,7 @@ class _Search:
             bad = batch.stops != 0
             if condition is not None:
                 values = seen(batch.metrics[:, names.index(condition.metric)])
-                bad = COMPARE[condition.sign](values, condition.limit) | ~np.isfinite(values)
+                bad = condition.met_by(values) | ~np.isfinite(values)
             gone[rows.runs] = bad
         return metric, gone
 

@@ -2,7 +2,7 @@
 
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
@@ -85,6 +85,11 @@ def do_at(path: str, identity: str, task: Task) -> Done:
     """
     folder, worker = _at(path, identity)
     return do(folder, worker, task)
+
+
+def do_several_at(path: str, identity: str, tasks: Sequence[Task]) -> list[Done]:
+    """Several tasks in turn, as `do_at`."""
+    return [do_at(path, identity, task) for task in tasks]
 
 
 @lru_cache(maxsize=2)

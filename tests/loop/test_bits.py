@@ -113,6 +113,23 @@ def test_threads_and_batches() -> None:
         assert alone.metrics.tobytes() == expected.metrics[run : run + 1].tobytes()
 
 
+def test_a_lane_keeps_nothing_of_the_runs_before() -> None:
+    """Each run as if it had been the only one, its signals and its history included."""
+    spec, _, rows, steps = _case("fuzzy_clik")
+    loop = closed_loop(spec, record=True)
+    short = np.minimum(steps, np.arange(RUNS) * 7 % 90)
+    engine = CompiledEngine(loop)
+    together = engine.run(rows, short, record=True)
+    assert together.record is not None
+    for run in range(RUNS):
+        alone = engine.run(rows[run : run + 1], short[run : run + 1], record=True)
+        assert alone.record is not None
+        samples = alone.record.shape[1]
+        assert together.record[run, :samples].tobytes() == alone.record[0].tobytes()
+        assert np.isnan(together.record[run, samples:]).all()
+        assert together.metrics[run].tobytes() == alone.metrics[0].tobytes()
+
+
 def test_recording_changes_nothing() -> None:
     """The step that gives every signal, and the signals of 1 and 8 lanes."""
     spec, _, rows, steps = _case("fuzzy_clik")

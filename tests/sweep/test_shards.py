@@ -139,6 +139,18 @@ def test_a_shard_of_another_version_is_computed_again(tmp_path: Path, monkeypatc
     assert ", this is 9.9; computed again" in said[0]
 
 
+def test_a_shard_of_other_runs_is_computed_again(tmp_path: Path) -> None:
+    path = tmp_path / "s.h5"
+    shard = half_done(path).shard(0)
+    found = read_shard(shard)
+    columns = {name: values[:-1] for name, values in found.columns.items()}
+    write_shard(replace(found, columns=columns, status=found.status[:-1]), shard, "f4")
+    said: list[str] = []
+    assert go_on(path, said.append) == RUNS[0] + RUNS[1]
+    assert said == [f"{shard}: made by an fzcli that parts sweeps otherwise; computed again"]
+    assert_whole(path)
+
+
 def test_the_clock_does_not_matter(tmp_path: Path) -> None:
     path = tmp_path / "s.h5"
     folder = half_done(path)

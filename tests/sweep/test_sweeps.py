@@ -11,10 +11,11 @@ from fzcli.loop.replay import ATTITUDE_ERROR
 from fzcli.loop.simulate import simulate
 from fzcli.record.sweep_record import SweepRecord
 from fzcli.spec.document import document_of
-from fzcli.sweep.builds import split
+from fzcli.sweep.builds import Builds, split
 from fzcli.sweep.draws import candidate, generator
 from fzcli.sweep.execute import run_sweep, unexpected_failures
 from fzcli.sweep.resolve import Sweep, resolve, with_values
+from fzcli.sweep.trajectories import draw_trajectories, trial_builds
 from tests.loop.cases import raw_run
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
@@ -94,6 +95,17 @@ def test_the_filter_keeps_the_first_candidate_that_passes() -> None:
             break
     for path, expected in split(sweep.draws, values).items():
         np.testing.assert_array_equal(record.draws[path][0], expected)
+
+
+@needs_compiler
+def test_candidates_that_end_early_are_those_that_do_not_pass() -> None:
+    """The same draws after as many candidates as when every one of them is run to its end."""
+    sweep, record = _filtered()
+    early = draw_trajectories(sweep, trial_builds(sweep), range(140))
+    whole = draw_trajectories(sweep, Builds(), range(140))
+    assert early.values.tobytes() == whole.values.tobytes()
+    assert early.candidates.tobytes() == whole.candidates.tobytes()
+    assert whole.candidates.sum() == record.draw_info["candidates"]
 
 
 @needs_compiler

@@ -9,48 +9,89 @@ from typing import Any
 
 from fzcli.errors import UnfinishedError, UsageError
 from fzcli.sweep.engines.pool import Died, Outcome
-from fzcli.sweep.work import Task, do_at
+from fzcli.sweep.work import Done, Task, do_several_at
 
-AHEAD = 2  # tasks a thread of the cluster has: one at work, one waiting
+AHEAD = 2  # batches that a thread of the cluster has: one at work, one waiting
+SECONDS = 0.4  # of work in a batch: Dask takes some milliseconds of all processors for each
+MOST = 12  # tasks in a batch, so that it reports in less than 1 kB
+QUIET = {  # of a cluster of our own: workers that look at themselves now and then, not fifty times a second
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.worker.profile.enabled": False,
+    "distributed.deploy.lost-worker-timeout": "1000 days",  # a worker that is begun again is not given up
+}
 SOON = 2.0  # seconds within which a report that is there arrives
 
 
 class DaskCluster:
-    """The shards of one folder on the workers of a scheduler.
+    """The shards of one folder on the workers of a scheduler, several at a time where they are short.
 
     ``address``: "local" for a cluster of ``jobs`` processes here, or tcp://HOST:PORT; or a ``scheduler_file``.
-    Raises UsageError where Dask is not installed, or no scheduler answers.
+    ``shards``: how many there are to do. Raises UsageError where Dask is not installed, or no scheduler answers.
     """
 
-    def __init__(self, folder: Path, identity: str, address: str, scheduler_file: Path | None, jobs: int) -> None:
-        self._folder, self._identity = str(folder.resolve()), identity
-        self._done: queue.SimpleQueue[tuple[Task, Any]] = queue.SimpleQueue()
+    def __init__(
+        self, folder: Path, identity: str, address: str, scheduler_file: Path | None, jobs: int, shards: int
+    ) -> None:
+        self._folder, self._identity, self._left = str(folder.resolve()), identity, shards
+        self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._settings = contextlib.ExitStack()
         self._client = _client(address, scheduler_file, jobs, self._settings)
-        self._futures: set[Any] = set()
-        self.window = AHEAD * max(1, self._threads())
+        self._threads = self._count()
+        self._batches: dict[Any, list[Task]] = {}  # future -> what it does
+        self._next: list[Task] = []  # the batch that is being filled
+        self._seconds = SECONDS  # that a task takes
+
+    @property
+    def window(self) -> int:
+        """See `Pool`."""
+        missing = max(0, AHEAD * self._threads - len(self._batches))
+        return sum(len(tasks) for tasks in self._batches.values()) + missing * self._together
+
+    @property
+    def _together(self) -> int:
+        """Tasks in a batch: fewer towards the end, so that all workers end at about the same time."""
+        return max(1, min(MOST, int(SECONDS / self._seconds), self._left // (2 * self._threads)))
 
     def submit(self, task: Task) -> None:
         """See `Pool`."""
-        future = self._client.submit(do_at, self._folder, self._identity, task, pure=False)
-        self._futures.add(future)
-        self._await(task, future)
+        self._next.append(task)
+        self._left -= 1
+        if len(self._next) >= self._together or task.probe is not None:  # a probe may well end its worker
+            self._send()
 
     def wait(self, seconds: float) -> list[tuple[Task, Outcome]]:
         """See `Pool`. Raises UnfinishedError when the scheduler is gone."""
+        self._send()
         try:
-            task, future = self._done.get(timeout=seconds)
+            future = self._done.get(timeout=seconds)
         except queue.Empty:
             if self._client.status != "running":
                 raise UnfinishedError("the scheduler is gone") from None
-            self.window = AHEAD * max(1, self._threads())  # workers come and go
+            self._threads = self._count()  # workers come and go
             return []
-        outcome = self._outcome(future)
-        if outcome is None:
-            self._await(task, future)
+        found = self._outcome(future)
+        if found is None:
+            future.add_done_callback(self._done.put)
             return []
-        self._futures.discard(future)
-        return [(task, outcome)]
+        tasks = self._batches.pop(future)
+        if isinstance(found, list):
+            self._seconds = max(1e-3, sum(done.seconds for done in found) / len(found))
+            return list(zip(tasks, found, strict=True))
+        if isinstance(found, Died) and len(tasks) > 1:  # whose fault it was is seen when each goes alone
+            for task in tasks:
+                self._next.append(task)
+                self._send()
+            return []
+        return [(tasks[0], found)]
+
+    def _send(self) -> None:
+        if self._next:
+            tasks, self._next = self._next, []
+            future = self._client.submit(do_several_at, self._folder, self._identity, tasks, pure=False)
+            self._batches[future] = tasks
+            future.add_done_callback(self._done.put)
 
     def progress(self) -> int:
         """See `Pool`."""
@@ -59,7 +100,7 @@ class DaskCluster:
     def close(self, wait: bool) -> None:
         """See `Pool`: tasks that did not begin are taken back."""
         with contextlib.suppress(Exception):  # a scheduler that is gone cannot be told
-            self._client.cancel(list(self._futures))
+            self._client.cancel(list(self._batches))
         cluster = self._client.cluster
         with contextlib.suppress(Exception):
             self._client.close(timeout=2)
@@ -67,17 +108,16 @@ class DaskCluster:
             cluster.close()
         self._settings.close()
 
-    def _await(self, task: Task, future: Any) -> None:
-        future.add_done_callback(lambda ended: self._done.put((task, ended)))
-
-    def _threads(self) -> int:
+    def _count(self) -> int:
+        """Threads of the cluster, one at least."""
         try:
-            return sum(self._client.nthreads().values())
+            threads: int = sum(self._client.nthreads().values())
         except (OSError, TimeoutError):
-            return 0
+            return 1
+        return max(1, threads)
 
-    def _outcome(self, future: Any) -> Outcome | None:
-        """None where the report went with the worker that held it: the scheduler has the task done again."""
+    def _outcome(self, future: Any) -> list[Done] | Died | Exception | None:
+        """None where the report went with the worker that held it: the scheduler has the tasks done again."""
         from distributed import KilledWorker
 
         if future.status == "cancelled" or self._client.status != "running":
@@ -85,7 +125,7 @@ class DaskCluster:
         try:
             error = future.exception(timeout=SOON)
             if error is None:
-                found: Outcome = future.result(timeout=SOON)
+                found: list[Done] = future.result(timeout=SOON)
                 return found
         except TimeoutError:
             return None
@@ -111,8 +151,7 @@ def _client(address: str, scheduler_file: Path | None, jobs: int, settings: cont
             return connect(scheduler_file=str(scheduler_file), timeout=10, set_as_default=False)
         if address == "local":
             os.environ.setdefault("DASK_DISTRIBUTED__LOGGING__DISTRIBUTED", "critical")  # its farewells are no errors
-            os.environ.setdefault("DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED", "False")  # stops the work to look at it
-            settings.enter_context(dask.config.set({"distributed.deploy.lost-worker-timeout": "1000 days"}))
+            settings.enter_context(dask.config.set(QUIET))
             options = {"threads_per_worker": 1, "dashboard_address": ":0", "silence_logs": logging.CRITICAL}
             kept = {"allowed_failures": 0}  # the driver counts deaths itself
             return connect(begin(n_workers=jobs, scheduler_kwargs=kept, **options), set_as_default=False)

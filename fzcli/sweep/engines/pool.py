@@ -17,9 +17,12 @@ Outcome = Done | Died | Exception
 
 
 class Pool(Protocol):
-    """An engine at work. ``window``: tasks that it takes at a time, so that no worker waits."""
+    """An engine at work."""
 
-    window: int
+    @property
+    def window(self) -> int:
+        """Tasks that it takes at a time, so that no worker waits."""
+        ...
 
     def submit(self, task: Task) -> None:
         """Take a task."""
