@@ -1,5 +1,6 @@
 """Sweeps beside the bare rollouts that they consist of, and engine beside engine, on the same runs."""
 
+import statistics
 import tempfile
 import time
 from importlib.util import find_spec
@@ -7,28 +8,33 @@ from pathlib import Path
 
 import numpy as np
 
-from fzcli.sweep.builds import Builds, rows_of
+from fzcli.sweep.builds import Builds, Rows, rows_of
 from fzcli.sweep.draws import candidates, sources
 from fzcli.sweep.execute import Listener, Means, load_sweep, sweep_to
 from fzcli.sweep.resolve import Sweep
 from fzcli.sweep.trajectories import draw_trajectories, trial_builds
 
-COUNT = 4000  # trajectories, by ten configurations
+COUNT = 8000  # trajectories, by ten configurations
 JOBS = 2
+ROUNDS = 3
 
 
 def sweeps() -> None:
-    """Print runs a second, and what part of the bare rate that is."""
-    bare = _bare()
-    title = f"table2-small with {COUNT} trajectories, {JOBS} jobs"
-    print(f"\n{title:58} {'runs/s':>10} {'of bare':>10}")
-    print(f"{'bare rollouts, candidates of the filter included':58} {bare:10.0f} {1:10.2f}")
+    """Print runs a second, and what part of the bare rate that is: medians of rounds in which all take turns."""
     means = {"threads": Means(JOBS, processes=False), "processes": Means(JOBS, processes=True)}
     if find_spec("distributed"):
         means["dask"] = Means(JOBS, dask="local")
-    for name, how in means.items():
-        rate = _rate(how)
-        print(f"{name:58} {rate:10.0f} {rate / bare:10.2f}")
+    work, found = _work(), {name: [] for name in ("bare", *means)}
+    for _ in range(ROUNDS):
+        found["bare"].append(_bare(work))
+        for name, how in means.items():
+            found[name].append(_rate(how))
+    title = f"table2-small with {COUNT} trajectories, {JOBS} jobs"
+    print(f"\n{title:58} {'runs/s':>10} {'of bare':>10}")
+    for name, rates in found.items():
+        part = statistics.median(rate / bare for rate, bare in zip(rates, found["bare"], strict=True))
+        label = "bare rollouts, candidates of the filter included" if name == "bare" else name
+        print(f"{label:58} {statistics.median(rates):10.0f} {part:10.2f}")
 
 
 def _sweep() -> Sweep:
@@ -38,8 +44,8 @@ def _sweep() -> Sweep:
     return found
 
 
-def _bare() -> float:
-    """Runs a second when everything is drawn before and nothing is written; best of three."""
+def _work() -> list[Rows]:
+    """All rollouts, drawn and compiled, and as many candidates of the filter as are tried for them."""
     sweep, builds = _sweep(), Builds()
     trials = trial_builds(sweep)
     drawing = draw_trajectories(sweep, trials, range(COUNT), JOBS)
@@ -50,13 +56,16 @@ def _bare() -> float:
     if sweep.filter is not None:
         work += rows_of(trials, sweep.filter, sweep.draws, candidates(sweep.draws, random), np.arange(tried))
     builds.compile(record=False, jobs=JOBS)
-    best = np.inf
-    for _ in range(3):
-        begin = time.perf_counter()
-        for rows in work:
-            rows.build.engine(record=False).run(rows.parameters, rows.steps, jobs=JOBS)
-        best = min(best, time.perf_counter() - begin)
-    return COUNT * len(sweep.specs) / best
+    return work
+
+
+def _bare(work: list[Rows]) -> float:
+    """Runs a second when everything is drawn before and nothing is written."""
+    begin = time.perf_counter()
+    for rows in work:
+        rows.build.engine(record=False).run(rows.parameters, rows.steps, jobs=JOBS)
+    seconds = time.perf_counter() - begin
+    return COUNT * len(_sweep().specs) / seconds
 
 
 def _rate(means: Means) -> float:

@@ -4,6 +4,7 @@ import contextlib
 import logging
 import os
 import queue
+import time
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from fzcli.sweep.work import Done, Task, do_several_at
 AHEAD = 2  # batches that a thread of the cluster has: one at work, one waiting
 SECONDS = 0.4  # of work in a batch: Dask takes some milliseconds of all processors for each
 MOST = 12  # tasks in a batch, so that it reports in less than 1 kB
+COUNTED = 2.0  # seconds after which the cluster's threads are counted again: workers come and go
 QUIET = {  # of a cluster of our own: workers that look at themselves now and then, not fifty times a second
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "10s",
@@ -38,7 +40,7 @@ class DaskCluster:
         self._done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._settings = contextlib.ExitStack()
         self._client = _client(address, scheduler_file, jobs, self._settings)
-        self._threads = self._count()
+        self._threads, self._counted = self._count(), time.monotonic()
         self._batches: dict[Any, list[Task]] = {}  # future -> what it does
         self._next: list[Task] = []  # the batch that is being filled
         self._seconds = SECONDS  # that a task takes
@@ -56,20 +58,23 @@ class DaskCluster:
 
     def submit(self, task: Task) -> None:
         """See `Pool`."""
+        if task.probe is not None:  # it may well end its worker: alone
+            self._send()
         self._next.append(task)
         self._left -= 1
-        if len(self._next) >= self._together or task.probe is not None:  # a probe may well end its worker
+        if task.probe is not None or len(self._next) >= self._together:
             self._send()
 
     def wait(self, seconds: float) -> list[tuple[Task, Outcome]]:
         """See `Pool`. Raises UnfinishedError when the scheduler is gone."""
         self._send()
+        if time.monotonic() - self._counted > COUNTED:
+            self._threads, self._counted = self._count(), time.monotonic()
         try:
             future = self._done.get(timeout=seconds)
         except queue.Empty:
             if self._client.status != "running":
                 raise UnfinishedError("the scheduler is gone") from None
-            self._threads = self._count()  # workers come and go
             return []
         found = self._outcome(future)
         if found is None:
