@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fzcli.sweep.resolve import Drawn
-from fzcli.sweep.seeds import generators
 from fzcli.sweep.sweep_spec import Trajectories
 
 Array = NDArray[np.float64]
@@ -68,9 +67,9 @@ def sources(plan: Trajectories, draws: Sequence[Drawn], places: range) -> Iterat
     """Those of each trajectory of these places, counted from the plan's first."""
     if plan.sampling == "random":
         apart = any(one.path.startswith(APART) for one in draws)
-        indices = range(plan.first + places.start, plan.first + places.stop)
-        own = generators(plan.seed, indices)
-        yield from zip(own, generators(plan.seed, indices, 1) if apart else own, strict=True)
+        for index in range(plan.first + places.start, plan.first + places.stop):
+            own = generator(plan.seed, index)
+            yield own, generator(plan.seed, index, 1) if apart else own
         return
     width = sum(1 if one.distribution == "choice" else one.size for one in draws)
     points = _latin(width, plan.count, plan.seed) if plan.sampling == "latin_hypercube" else None
