@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_LONG = 24  # letters of a row's name: beyond, rows are numbered, and a key says what they are
+_LINE = 0.17  # inches
 _SPREAD = 0.6  # of the distance between named rows: over this the columns stand side by side
 _BAR: dict[str, Any] = {"linestyle": "none", "capsize": 2.5, "linewidth": 1.2}
 Panel = Callable[["Axes"], None]
@@ -44,7 +46,8 @@ def table_figure(table: Table, title: str = "") -> "Figure":
     """A panel a metric, one of lost runs, and one a metric's differences where there are any.
 
     A metric: mean (filled), median (dashed), 5-95 % (band), paper (open); a truth value: its share with
-    the lower bound. Differences: mean and interval. Rows that are no numbers have points, not lines.
+    the lower bound. Differences: mean and interval. Rows that are no numbers have points, not lines; where their names
+    are long, they are numbered, with a key below the title.
     """
     panels: list[Panel] = [partial(_metric_panel, table=table, metric=one) for one in table.metrics]
     if table.lost_rule:
@@ -53,7 +56,8 @@ def table_figure(table: Table, title: str = "") -> "Figure":
         panels += [partial(_difference_panel, table=table, metric=one) for one in table.metrics]
     across = min(3, len(panels))
     down = -(-len(panels) // across)
-    figure = new_figure(3.6 * across + 0.4, 3.0 * down + 0.9)
+    key = _key(table)
+    figure = new_figure(3.6 * across + 0.4, 3.0 * down + 0.9 + _LINE * len(key))
     every = np.atleast_1d(figure.subplots(down, across, squeeze=False)).ravel()
     for axes, panel in zip(every, panels, strict=False):
         panel(axes)
@@ -61,8 +65,18 @@ def table_figure(table: Table, title: str = "") -> "Figure":
     for axes in every[len(panels) :]:
         axes.remove()
     _legend(figure, table, max(2, 2 * across - 1))
-    figure.suptitle(title, fontsize=10)
+    if key:
+        figure.suptitle("\n".join([title, *key]), fontsize=9, x=0.01, ha="left", linespacing=1.3)
+    else:
+        figure.suptitle(title, fontsize=10)
     return figure
+
+
+def _key(table: Table) -> list[str]:
+    """A line a row whose name is too long to stand below an axis; empty where all are short."""
+    names = [str(row) for row in table.rows]
+    long = _abscissa(table).named and max(map(len, names)) > _LONG
+    return [f"{number}  {name}" for number, name in enumerate(names, 1)] if long else []
 
 
 def _abscissa(table: Table) -> _Abscissa:
@@ -83,6 +97,8 @@ def _dress_abscissa(axes: "Axes", table: Table) -> None:
         slanted: dict[str, Any] = {"rotation": 35, "ha": "right", "rotation_mode": "anchor"}
         fits = max(len(word) for row in words for word in row) <= wrap
         names = ["\n".join(textwrap.wrap(str(row), wrap)) if fits else str(row) for row in abscissa.places]
+        if _key(table):
+            names, fits = [str(number) for number, _ in enumerate(names, 1)], True
         axes.set_xticks(list(abscissa.places.values()), names, **({} if fits else slanted))
         axes.set_xlim(-0.5, len(names) - 0.5)
 

@@ -120,6 +120,22 @@ def test_table_of_named_rows_has_them_as_ticks(tmp_path: Path) -> None:
     assert figure.axes[0].get_xscale() == "linear"
 
 
+def test_long_names_of_rows_stand_in_a_key_and_numbers_below_the_axes() -> None:
+    sweep = factory.make_sweep(20)
+    configs = [{**config, "controller.rulebase": f"rules_of_kind_{i}"} for i, config in enumerate(sweep.configs)]
+    table = build_table(dataclasses.replace(sweep, configs=configs), {"show": ["yaw_abs_mean"]})
+    figure = table_figure(table, "study")
+    names = [str(row) for row in table.rows]
+    assert max(map(len, names)) > 24
+    assert [text.get_text() for text in figure.axes[0].get_xticklabels()] == [str(i + 1) for i in range(len(names))]
+    title, *key = figure.get_suptitle().splitlines()
+    assert title == "study"
+    assert key == [f"{i}  {name}" for i, name in enumerate(names, 1)]
+    figure.canvas.draw()
+    heights = [axes.get_position().height for axes in figure.axes]
+    assert min(heights) > 0.1  # the key leaves the panels their room
+
+
 def test_files_are_drawn_beside_themselves_or_where_told(tmp_path: Path) -> None:
     write_rollout(factory.make_rollout(), tmp_path / "run.h5")
     assert plot(tmp_path / "run.h5") == [tmp_path / "run-run.png"]
