@@ -18,6 +18,20 @@ if TYPE_CHECKING:
     from fzcli.sweep.execute import Listener, Means
     from fzcli.sweep.meaning import AnySweep
 
+ProcessesOption = Annotated[
+    bool | None,
+    typer.Option(
+        "--processes/--threads", help="What the jobs are; threads, but processes for plans and without a compiler."
+    ),
+]
+DaskOption = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster: tcp://HOST:PORT, or local: one here."),
+]
+SchedulerOption = Annotated[
+    Path | None, typer.Option("--scheduler-file", metavar="FILE", help="Run on the Dask cluster of this file.")
+]
+
 
 @guarded
 def sweep(
@@ -29,19 +43,9 @@ def sweep(
             "--jobs", "-j", min=1, help="Threads or processes; all cores by default. No result depends on it."
         ),
     ] = None,
-    processes: Annotated[
-        bool | None,
-        typer.Option(
-            "--processes/--threads", help="What the jobs are; threads, but processes for plans and without a compiler."
-        ),
-    ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option("--dask", metavar="ADDRESS", help="Run on a Dask cluster: tcp://HOST:PORT, or local: one here."),
-    ] = None,
-    scheduler_file: Annotated[
-        Path | None, typer.Option("--scheduler-file", metavar="FILE", help="Run on the Dask cluster of this file.")
-    ] = None,
+    processes: ProcessesOption = None,
+    dask: DaskOption = None,
+    scheduler_file: SchedulerOption = None,
     shard: Annotated[
         str | None,
         typer.Option("--shard", metavar="K/N", help="Compute part K of N alone, as in a job array; see fzcli merge."),
